@@ -6,8 +6,11 @@ another side of it; whatever other bodies show behind a voxel proves the voxel e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from tempfile import TemporaryFile
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +20,7 @@ from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.interaction.parts.moving_part import MovingPart
-from recon.recording import Intrinsics, Recording
+from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -52,6 +55,10 @@ _MAX_GAP = 0.2
 _SMOOTHING = 3
 # Evidence that a surface needs, in frames that see it straight on. Chosen by us.
 _MIN_VIEWS = 0.25
+# Of the pixels, every so many one across and down tells where a body is.
+_STRIDE = 2
+# Points of a body without which it has no surface. Chosen by us.
+_FEWEST = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +69,43 @@ class FusedScene:
     parts: dict[int, Mesh]
 
 
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    color: NDArray[np.uint8]
-    depth: F32
-    labels: NDArray[np.uint8]
-    cosine: F32
-    T_world_cam: Array
+class _Frames:
+    """The labelled frames, of which memory holds the label images alone: depth is read again when a body
+    needs it, and the cosines of rays and normals, which take longest, wait in a file without a name."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        cameras: Trajectory,
+        labels: Mapping[int, NDArray[np.uint8]],
+        frames: Sequence[int],
+        noise: DepthNoise,
+        file: IO[bytes],
+    ) -> None:
+        self.recording, self.camera, self.frames = recording, recording.intrinsics, frames
+        self.poses = dict(zip(cameras.frames.tolist(), cameras.T_world_cam, strict=True))
+        self._labels, self._noise, self._file = labels, noise, file
+        self._shape = self.camera.height, self.camera.width
+
+    def prepare(self, k: int) -> None:
+        """Find the cosines of frame `frames[k]`."""
+        z = self._depth(self.frames[k])
+        step = max(2, round(4 * z.shape[1] / 640))
+        cosine = ray_cosine(z, self.camera.vector, step, self._noise.curve).astype(np.float32)
+        os.pwrite(self._file.fileno(), np.ascontiguousarray(cosine).data, k * cosine.nbytes)
+
+    def observation(self, k: int, key: int, pose: Array) -> Observation:
+        """Frame `frames[k]` for the body with label `key` at a pose (4, 4) in the world."""
+        cosine = np.empty(self._shape, np.float32)
+        os.preadv(self._file.fileno(), [cosine.data.cast("B")], k * cosine.nbytes)
+        frame = self.frames[k]
+        own = (self._labels[frame] == key) & (cosine > 0)
+        to_camera = geo.invert_pose(self.poses[frame]) @ pose
+        return Observation(self._depth(frame), own, cosine, self.camera, to_camera)
+
+    def _depth(self, frame: int) -> F32:
+        depth = self.recording.depth(frame)
+        return np.where(depth <= MAX_DEPTH, depth, 0).astype(np.float32)
 
 
 def fuse(
@@ -89,72 +126,80 @@ def fuse(
 
     Raises ReconstructionError when no labelled frame has a camera pose or none shows static scene.
     """
-    camera = recording.intrinsics
     frames = [f for f in sorted(labels) if cameras.pose(f) is not None]
     if not frames:
         raise ReconstructionError(
             "no labelled frame has a camera pose", "label frames which the cameras cover"
         )
-    wrap = progress or untold
-    loaded = each(lambda f: _load(recording, cameras, labels[f], f, camera, noise), frames)
-    seen = dict(zip(wrap(frames, "depth"), loaded, strict=True))
-    bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
-    meshes = {}
-    for key, part in wrap(list(bodies.items()), "meshes"):
-        mesh = _fuse_body(seen, key, part, camera, config, noise)
-        if mesh is not None:
-            meshes[key] = mesh
+    wrap, meshes = progress or untold, {}
+    with TemporaryFile() as file:
+        seen = _Frames(recording, cameras, labels, frames, noise, file)
+        prepared = each(seen.prepare, range(len(frames)))
+        for _ in wrap(frames, "depth"):
+            next(prepared)
+        bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
+        for key, part in wrap(list(bodies.items()), "meshes"):
+            mesh = _fuse_body(seen, key, part, config, noise)
+            if mesh is not None:
+                meshes[key] = mesh
     if STATIC_LABEL not in meshes:
         raise ReconstructionError("the labelled frames show no static surface", "check depth and labels")
     return FusedScene(meshes.pop(STATIC_LABEL), meshes)
 
 
-def _load(
-    recording: Recording,
-    cameras: Trajectory,
-    labels: NDArray[np.uint8],
-    frame: int,
-    camera: Intrinsics,
-    noise: DepthNoise,
-) -> _Frame:
-    color, depth = recording.frame(frame)
-    z = np.where(depth <= MAX_DEPTH, depth, 0).astype(np.float32)
-    cosine = ray_cosine(z, camera.vector, max(2, round(4 * z.shape[1] / 640)), noise.curve)
-    pose = cameras.pose(frame)
-    assert pose is not None
-    return _Frame(color, z, labels, cosine, pose)
+@dataclass(frozen=True, eq=False)
+class _Extent:
+    """What one frame shows of a body: box low, high (3,) m of its points, how many these are, and its depths,
+    each value once, with their counts."""
+
+    low: Array
+    high: Array
+    points: int
+    depths: F32
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, seen: Observation) -> _Extent:
+        points = own_points(seen, _STRIDE)
+        depths, counts = np.unique(seen.depth[seen.own], return_counts=True)
+        empty = np.full((1, 3), np.inf)
+        low, high = np.concatenate([points, empty]).min(axis=0), np.concatenate([points, -empty]).max(axis=0)
+        return cls(low, high, len(points), depths, counts)
+
+
+def _median(extents: Sequence[_Extent]) -> float:
+    """The median of all depths, as NumPy counts it."""
+    values = np.concatenate([e.depths for e in extents])
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(np.concatenate([e.counts for e in extents])[order])
+    middle = np.array([(total[-1] - 1) // 2, total[-1] // 2])
+    return float(np.mean(values[order][np.searchsorted(total, middle, side="right")]))
 
 
 def _fuse_body(
-    seen: Mapping[int, _Frame],
-    key: int,
-    part: MovingPart | None,
-    camera: Intrinsics,
-    config: FusionConfig,
-    noise: DepthNoise,
+    seen: _Frames, key: int, part: MovingPart | None, config: FusionConfig, noise: DepthNoise
 ) -> Mesh | None:
     """Mesh of one body in the world at state 0; None when no labelled pixel shows it."""
     voxel = config.static_voxel if part is None else config.part_voxel
-    observations, frames = [], []
-    for number, f in seen.items():
-        pose = np.eye(4) if part is None else part.pose(number)
-        if pose is None:
-            continue
-        own = (f.labels == key) & (f.cosine > 0)
-        to_camera = geo.invert_pose(f.T_world_cam) @ pose
-        observations.append(Observation(f.depth, own, f.cosine, camera, to_camera))
-        frames.append(f)
-    if not observations:
+    poses = [np.eye(4) if part is None else part.pose(f) for f in seen.frames]
+    used = [k for k, pose in enumerate(poses) if pose is not None]
+
+    def observation(k: int) -> Observation:
+        pose = poses[k]
+        assert pose is not None
+        return seen.observation(k, key, pose)
+
+    extents = list(each(lambda k: _Extent.of(observation(k)), used))
+    shown = [k for k, e in zip(used, extents, strict=True) if e.points]
+    if sum(e.points for e in extents) < _FEWEST:
         return None
-    cloud = np.concatenate(list(each(lambda o: own_points(o, 2), observations)))
-    if len(cloud) < 100:
-        return None
-    typical = float(np.median(np.concatenate([o.depth[o.own] for o in observations])))
+    typical = _median(extents)
     sigma = float(noise.sigma(typical))
     truncation = max(3.0 * voxel, min(2.5 * sigma, 4.0 * voxel))
-    field = allocate(cloud, voxel, truncation)
-    del cloud  # a hundred megabytes that nothing needs any more
-    integrate(field, observations, truncation, 0.5, noise.curve)
+    low, high = np.min([e.low for e in extents], axis=0), np.max([e.high for e in extents], axis=0)
+    clouds = each(lambda k: own_points(observation(k), _STRIDE), shown)
+    field = allocate(low, high, clouds, voxel, truncation)
+    integrate(field, each(observation, used), truncation, 0.5, noise.curve)
     vertices, faces = surface(field, _MIN_VIEWS * 1e-5 / sigma**2)
     share = _STATIC_MIN_SHARE if part is None else _MIN_SHARE
     gap = np.inf if part is None else _MAX_GAP
@@ -165,11 +210,19 @@ def _fuse_body(
     vertices, faces = reduce_faces(
         vertices, faces, config.static_faces if part is None else config.part_faces
     )
-    return Mesh(vertices, faces, _vertex_colors(vertices, observations, frames, truncation))
+
+    def color(k: int) -> NDArray[np.uint8]:
+        return seen.recording.color(seen.frames[k])
+
+    return Mesh(vertices, faces, _vertex_colors(vertices, observation, color, used, truncation))
 
 
 def _vertex_colors(
-    vertices: Array, observations: list[Observation], frames: list[_Frame], reach: float
+    vertices: Array,
+    observation: Callable[[int], Observation],
+    color: Callable[[int], NDArray[np.uint8]],
+    used: Sequence[int],
+    reach: float,
 ) -> NDArray[np.uint8]:
     """Mean colour (v, 3) of the own pixels that see each vertex, seen straight and near counting more.
 
@@ -177,17 +230,17 @@ def _vertex_colors(
     """
 
     def look(k: int) -> tuple[NDArray[np.int64], Array, Array]:
-        o, f = observations[k], frames[k]
+        o = observation(k)
         p = geo.transform(o.T_cam_body, vertices)
         inside, a, b, z = look_up(o.depth, o.camera, p, near=0.05)
         at = np.flatnonzero(inside & o.own[b, a] & (np.abs(z - p[:, 2]) * o.cosine[b, a] < reach))
         a, b = a[at], b[at]
         gain = o.cosine[b, a] ** 2 / p[at, 2] ** 2
-        return at, gain, gain[:, None] * f.color[b, a]
+        return at, gain, gain[:, None] * color(k)[b, a]
 
     total, weight = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
-    for at, gain, color in each(look, range(len(frames))):
-        total[at] += color
+    for at, gain, shown in each(look, used):
+        total[at] += shown
         weight[at] += gain
     lit = weight > 0
     colors = np.full((len(vertices), 3), 127.0)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 import numba
@@ -17,6 +18,7 @@ from twin.geometry import Array
 from twin.runs.threads import each
 
 BLOCK = 8
+_AT_ONCE = 64  # frames in memory, 200 MB of 640x480
 _CHUNK = 512  # blocks of a thread's task, for each of which all frames are averaged in turn
 _MAX_INDEX = 64_000_000  # blocks in the dense index, 256 MB; a hall of 30 m at 1 cm has fewer
 _MAX_WEIGHT = 1000.0
@@ -62,18 +64,22 @@ def own_points(seen: Observation, stride: int) -> Array:
     return np.asarray((p - shift) @ rotation)
 
 
-def allocate(points: Array, voxel: float, margin: float) -> Field:
-    """An empty field with every block that comes within `margin` m of a point (n, 3)."""
+def allocate(low: Array, high: Array, clouds: Iterable[Array], voxel: float, margin: float) -> Field:
+    """An empty field with every block that comes within `margin` m of a point.
+
+    low, high: corners (3,) m of the box around all points. clouds: the points, (n, 3) each.
+    """
     edge = BLOCK * voxel
-    low = points.min(axis=0) - margin - edge
-    size = np.ceil((points.max(axis=0) + margin + edge - low) / edge).astype(np.int64) + 1
+    low = low - margin - edge
+    size = np.ceil((high + margin + edge - low) / edge).astype(np.int64) + 1
     if np.prod(size) > _MAX_INDEX:
         raise ReconstructionError(
             f"the scene spans {np.round(size * edge, 1).tolist()} m, too much for voxels of {voxel} m",
             "raise the voxel size or lower the greatest depth",
         )
     touched = np.zeros(size, bool)
-    _touch(touched, points, low, margin, edge)
+    for points in clouds:
+        _touch(touched, points, low, margin, edge)
     blocks = np.ascontiguousarray(np.argwhere(touched), np.int32)
     index = np.full(size, -1, np.int32)
     index[touched] = np.arange(len(blocks), dtype=np.int32)
@@ -94,16 +100,23 @@ def _touch(touched: NDArray[np.bool_], points: Array, low: Array, margin: float,
 
 
 def integrate(
-    field: Field, seen: Sequence[Observation], truncation: float, carve_weight: float, noise: F32
+    field: Field, seen: Iterable[Observation], truncation: float, carve_weight: float, noise: F32
 ) -> None:
     """Average frames into the field (Curless and Levoy 1996), with distances taken along the surface normal.
 
     noise (2,): curve of depth noise (`recon.dense.depth.pixel_sigma`).
     """
-    views = [
-        _View(o.depth, o.own, o.cosine, o.camera.vector, np.ascontiguousarray(o.T_cam_body)) for o in seen
-    ]
+    left = iter(seen)
+    while views := [
+        _View(o.depth, o.own, o.cosine, o.camera.vector, np.ascontiguousarray(o.T_cam_body))
+        for o in islice(left, _AT_ONCE)
+    ]:
+        _average(field, views, truncation, carve_weight, noise)
 
+
+def _average(
+    field: Field, views: Sequence[_View], truncation: float, carve_weight: float, noise: F32
+) -> None:
     def some(blocks: slice) -> None:
         for view in views:
             _integrate(

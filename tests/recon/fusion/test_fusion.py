@@ -10,9 +10,9 @@ from recon.evaluation.metrics import DistanceField
 from recon.evaluation.read_truth import load_truth
 from recon.evaluation.surface_scores import sampled
 from recon.evaluation.truth import Truth
-from recon.fusion.fuse import FusedScene, FusionConfig, fuse
+from recon.fusion.fuse import FusedScene, FusionConfig, _Extent, _median, fuse
 from recon.fusion.mesh_cleaning import reduce_faces, smooth
-from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
+from recon.fusion.tsdf import Field, Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.readers import open_recording
 from recon.recording import Intrinsics, Recording
 from tests.makers.recon.tiny import box, write_recording
@@ -22,6 +22,11 @@ from twin.geometry import Array
 from twin.scene import Trajectory
 
 CAMERA = Intrinsics(160, 120, 200.0, 200.0, 79.5, 59.5)
+
+
+def allocated(clouds: list[Array], voxel: float, margin: float) -> Field:
+    points = np.concatenate(clouds)
+    return allocate(points.min(axis=0), points.max(axis=0), clouds, voxel, margin)
 
 
 def plane(tilt: float, distance: float = 1.0) -> tuple[Array, Array]:
@@ -103,7 +108,7 @@ def test_a_plane_is_fused_where_it_is(tilt_deg: float) -> None:
     own = np.zeros(depth.shape, bool)
     own[20:100, 40:120] = True
     seen = Observation(depth, own, ray_cosine(depth, CAMERA.vector, 3, GOOD_SENSOR.curve), CAMERA, np.eye(4))
-    field = allocate(own_points(seen, 1), 0.005, 0.015)
+    field = allocated([own_points(seen, 1)], 0.005, 0.015)
     integrate(field, [seen], 0.015, 0.5, GOOD_SENSOR.curve)
     vertices, faces = surface(field, 1e-6)
     assert len(faces) > 100
@@ -117,11 +122,40 @@ def test_what_others_see_through_is_carved_away() -> None:
     cosine = np.ones(near.shape, np.float32)
     ghost = Observation(near, own, cosine, CAMERA, np.eye(4))
     through = Observation(far, ~own, cosine, CAMERA, np.eye(4))
-    field = allocate(own_points(ghost, 2), 0.01, 0.03)
+    field = allocated([own_points(ghost, 2)], 0.01, 0.03)
     integrate(field, [ghost], 0.03, 0.5, GOOD_SENSOR.curve)
     assert len(surface(field, 1e-6)[1]) > 0
     integrate(field, [through] * 12, 0.03, 0.5, GOOD_SENSOR.curve)
     assert len(surface(field, 1e-6)[1]) == 0
+
+
+def test_frames_are_averaged_in_their_order_however_many_are_in_memory() -> None:
+    """A field of a cloud in pieces is that of all its points; more frames than memory holds at a time are
+    averaged as they come."""
+    seen = []
+    for k in range(70):
+        depth = plane(0.01 * k, 1.0 + 0.001 * k)[0]
+        own = np.ones(depth.shape, bool)
+        seen.append(Observation(depth, own, np.ones(depth.shape, np.float32), CAMERA, np.eye(4)))
+    clouds = [own_points(o, 2) for o in seen]
+    whole = allocated([np.concatenate(clouds)], 0.01, 0.03)
+    pieces = allocated(clouds, 0.01, 0.03)
+    np.testing.assert_array_equal(pieces.blocks, whole.blocks)
+    for one in seen:
+        integrate(whole, [one], 0.03, 0.5, GOOD_SENSOR.curve)
+    integrate(pieces, iter(seen), 0.03, 0.5, GOOD_SENSOR.curve)
+    assert whole.weight.any()
+    np.testing.assert_array_equal(pieces.distance, whole.distance)
+    np.testing.assert_array_equal(pieces.weight, whole.weight)
+
+
+@pytest.mark.parametrize("count", [1, 2, 101, 500])
+def test_the_median_of_counted_depths_is_that_of_all(count: int) -> None:
+    rng = np.random.default_rng(count)
+    depths = (rng.integers(500, 560, (3, count)) / 1000.0).astype(np.float32)
+    counted = [np.unique(d, return_counts=True) for d in depths]
+    extents = [_Extent(np.zeros(3), np.ones(3), count, v, n) for v, n in counted]
+    assert _median(extents) == float(np.median(depths))
 
 
 def test_cleaning_keeps_shape() -> None:
