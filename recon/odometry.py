@@ -95,7 +95,7 @@ def _pieces(
         poses, posed = submap.value
         return poses, posed
 
-    return solve_pieces(count, solve), solved
+    return solve_pieces(count, solve, np.asarray(recording.times)), solved
 
 
 def _submap(

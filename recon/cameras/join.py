@@ -33,13 +33,17 @@ def keyframes_every(recording: Recording, frames: NDArray[np.int64]) -> list[Key
 
 
 def joined(recording: Recording, pieces: Sequence[Piece]) -> tuple[Piece, ...]:
-    """The pieces, the largest first, with those joined to it that two places or more place alike."""
+    """The pieces, the largest first, with those joined to it that two places or more place alike.
+
+    How odometry has bridged a hole counts as a place.
+    """
     if len(pieces) < 2:
         return tuple(pieces)
     keys = keyframes_every(recording, np.sort(np.concatenate([p.frames for p in pieces])))
     of = {int(f): k for k, p in enumerate(pieces) for f in p.frames}
     number = np.array([of[k.frame] for k in keys])
     loops = places_seen_again(keys, number[:, None] != number, recording.intrinsics)
+    loops += [p.bridge for p in pieces if p.bridge is not None]
     left = sorted(pieces, key=lambda p: -len(p.frames))
     whole = left.pop(0)
     while True:

@@ -91,7 +91,9 @@ def camera_poses(
             )
         return recording.poses
     if pieces is None:
-        pieces = solve_pieces(len(recording), _solver(recording, tracks, progress))
+        pieces = solve_pieces(
+            len(recording), _solver(recording, tracks, progress), np.asarray(recording.times)
+        )
     found = _largest(recording, joined(recording, pieces))
     lost = len(recording) - len(found.frames)
     if lost:

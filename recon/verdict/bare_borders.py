@@ -25,6 +25,8 @@ from twin.scene import STATIC_LABEL
 _WIDTH = 320
 # Label images of the rest at either end
 _FRAMES = 4
+# Share of its usual pixels that a part has where it is in view
+_IN_VIEW = 0.5
 # px that a profile across the border goes to either side
 _REACH = 9
 # px: what is nearer to the border may be either side
@@ -65,7 +67,9 @@ def bare_border(
     """Of the rests before and after a part's motion the one where more of its border with the static scene
     shows no edge: its middle label image, and the share. None without enough border."""
     first, last = part.motion.intervals[0][0], part.motion.intervals[-1][1]
-    frames = sorted(labels)
+    size = {f: int(np.count_nonzero(labels[f] == part.id)) for f in sorted(labels)}
+    usual = float(np.median([n for n in size.values() if n] or [0]))
+    frames = [f for f, n in size.items() if n >= _IN_VIEW * usual]  # else it has left the picture
     rests = [f for f in frames if f < first][:_FRAMES], [f for f in frames if f > last][-_FRAMES:]
     told = [
         middle([(f, s) for f in rest if (s := _bare(twin, part.id, f, labels[f])) is not None])
