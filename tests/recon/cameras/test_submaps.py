@@ -148,3 +148,34 @@ def test_the_world_of_the_path_does_not_matter(looped: tuple[Array, Array, list[
     T = geo.exp_se3(np.array([0.3, -1.0, 2.0, 0.4, 0.2, -1.1]))
     one, other = bent(np.arange(600), poses, loops, []), bent(np.arange(600), T @ poses, loops, [])
     np.testing.assert_allclose(other, T @ one, atol=1e-6)
+
+
+def test_a_leap_ends_a_piece_and_a_walk_does_not() -> None:
+    """From frame 450 on the camera is 15 cm farther on in every frame: no head moves so."""
+    count = 700
+    truth = path(count)
+    slipped = truth.copy()
+    slipped[450:, 0, 3] += 0.15 * np.arange(1, count - 449)
+    times = np.arange(count) / 15.0
+    solve, _ = solver(truth, np.zeros(count, bool))
+    assert len(solve_pieces(count, solve, times)) == 1
+    solve, _ = solver(slipped, np.zeros(count, bool))
+    first, *_ = solve_pieces(count, solve, times)
+    assert 440 < first.frames[-1] <= 450
+
+
+def test_what_follows_a_hole_is_a_piece_with_a_bridge_to_the_one_before() -> None:
+    count = 700
+    truth = path(count)
+    hole = np.zeros(count, bool)
+    hole[200:220] = True  # within one submap
+
+    def solve(first: int, last: int) -> tuple[Array, NDArray[np.bool_]]:
+        return truth[first : last + 1].copy(), ~hole[first : last + 1]
+
+    before, after = solve_pieces(count, solve, np.arange(count) / 15.0)
+    assert (before.frames[-1], after.frames[0]) == (199, 220)
+    assert before.bridge is None
+    assert after.bridge is not None
+    assert (after.bridge.a, after.bridge.b) == (199, 220)
+    np.testing.assert_allclose(after.bridge.T_a_b, geo.invert_pose(truth[199]) @ truth[220], atol=1e-9)
