@@ -22,6 +22,7 @@ CAMERA = Intrinsics(WIDTH, HEIGHT, 300.0, 300.0, 159.5, 119.5)
 BOX = (slice(80, 170), slice(100, 220))  # rows and columns of the part
 INSIDE = np.zeros((HEIGHT, WIDTH), bool)
 INSIDE[BOX] = True
+WHOLE = np.where(INSIDE, PART, STATIC_LABEL).astype(np.uint8)
 
 
 def plane(tilt: float) -> Array:
@@ -44,18 +45,22 @@ def told(
 
 
 def of_frames(
-    pictures: list[Array], depth: Array, labels: NDArray[np.uint8] | None = None, moving: int = 6
+    pictures: list[Array],
+    depth: Array,
+    labels: NDArray[np.uint8] | dict[int, NDArray[np.uint8]] | None = None,
+    moving: int = 6,
 ) -> float | None:
-    """The same of pictures that differ."""
+    """The same of pictures, and label images, that differ."""
     colors = [np.repeat(np.clip(p, 0, 255).astype(np.uint8)[..., None], 3, axis=-1) for p in pictures]
     recording = Recording.from_arrays(colors, [depth.astype(np.float32)] * FRAMES, CAMERA, fps=10)
     frames = np.arange(FRAMES)
     motion = Motion(frames, frames / 10.0, np.zeros(FRAMES), ((moving, moving + 1),), 0.0, 1.0)
     part = MovingPart(PART, Prismatic(np.array([0.0, 0.0, 1.0]), 0.0, 1.0), motion)
     cameras = Trajectory(frames, frames / 10.0, np.tile(np.eye(4), (FRAMES, 1, 1)))
-    image = np.where(INSIDE, PART, STATIC_LABEL).astype(np.uint8) if labels is None else labels
+    image = WHOLE if labels is None else labels
     twin = PosedTwin(recording, cameras, EMPTY, ())
-    found = bare_border(twin, part, dict.fromkeys(range(0, FRAMES, 3), image))
+    images = image if isinstance(image, dict) else dict.fromkeys(range(0, FRAMES, 3), image)
+    found = bare_border(twin, part, images)
     return None if found is None else found[1]
 
 
@@ -133,3 +138,13 @@ def test_the_worse_rest_counts() -> None:
     shown = [grey()] * 6 + [grey() + 15.0 * INSIDE] * 6
     for order in (shown, shown[::-1]):
         assert of_frames(order, plane(0.3)) == 1.0
+
+
+def test_a_frame_that_the_part_has_left_is_not_looked_at() -> None:
+    """The person has turned away: a rest of the part's pixels stands on an even face."""
+    left = np.full_like(WHOLE, STATIC_LABEL)
+    left[80:130, 100:130] = PART
+    images = dict.fromkeys(range(0, FRAMES, 3), WHOLE)
+    pictures = [gap()] * 8 + [grey()] * (FRAMES - 8)
+    assert of_frames(pictures, plane(0.0), images | {9: left}) == 0.0
+    assert of_frames(pictures, plane(0.0), images) == 1.0
