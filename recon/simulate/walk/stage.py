@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ class WalkStage(Staged):
         still = self.room.still
         wardrobe = Wardrobe(config, rng)
         moved = [(act.line.enter, _motion(act, cameras, config)) for act in self.acts]
-        hand = joined([*moved, *hands], total)
+        hand = reaching(joined([*moved, *hands], total), cameras)
         actors = [Actor.still(Body(still, STATIC_LABEL), total)]
         for k, part in enumerate(self.room.parts):
             poses = np.stack([part.pose(float(s)) for s in self._levels[part.name]])
@@ -123,6 +124,14 @@ def touching(journey: Journey, cameras: Array, config: Staging) -> list[tuple[in
         held = holding(part, grasp, T_start, still, config.wrist_turn) @ make_pose(None, [0.0, -_BEFORE, 0.0])
         out.append((line.enter, hand_motion(held, line.begun_at(line.enter), cameras[window], arm_of)))
     return out
+
+
+def reaching(hand: HandMotion, cameras: Array) -> HandMotion:
+    """The hand where its arm comes from behind the lens. On its way from beside the person it may lie behind
+    the shoulder, and the arm, as long as ever, would stand before the eyes."""
+    along = np.einsum("ni,ni->n", hand.T_world_arm[:, :3, 1], cameras[:, :3, 2])
+    present = np.array(hand.present) & (along < 0)
+    return replace(hand, present=tuple(bool(p) for p in present))
 
 
 def joined(motions: list[tuple[int, HandMotion]], frames: int) -> HandMotion:

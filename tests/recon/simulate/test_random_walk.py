@@ -205,6 +205,18 @@ def test_states_agree_with_segments_and_hands() -> None:
             assert np.linalg.norm(truth.keypoints[k][[8, 12, 16, 20]] - grip, axis=1).max() < 0.07
 
 
+def test_an_arm_comes_from_behind_the_lens() -> None:
+    """A hand that is still behind the shoulder is not shown; one that holds a part is."""
+    for seed in (20, 24):
+        stage = walked(seed).stage
+        hand, cameras = stage.hand, stage.cameras
+        present = np.array(hand.present)
+        along = np.einsum("ni,ni->n", hand.T_world_arm[:, :3, 1], cameras[:, :3, 2])
+        assert (along[present] < 0).all()
+        for act in stage.acts:
+            assert present[act.line.grasp : act.line.release + 1].all()
+
+
 @pytest.mark.usefixtures("rendering")
 def test_labels_are_where_the_moved_meshes_are() -> None:
     stage = random_walk(3, PLAIN, settings=SMALL).stage
