@@ -57,6 +57,8 @@ _SMOOTHING = 3
 _MIN_VIEWS = 0.25
 # Of the pixels, every so many one across and down tells where a body is.
 _STRIDE = 2
+# Of depth, a millimetre each.
+_BINS = 5000
 # Points of a body without which it has no surface. Chosen by us.
 _FEWEST = 100
 
@@ -149,31 +151,37 @@ def fuse(
 
 @dataclass(frozen=True, eq=False)
 class _Extent:
-    """What one frame shows of a body: box low, high (3,) m of its points, how many these are, and its depths,
-    each value once, with their counts."""
+    """What one frame shows of a body: box low, high (3,) m of its points, how many these are, and how many of
+    its pixels have a depth in each bin."""
 
     low: Array
     high: Array
     points: int
-    depths: F32
     counts: NDArray[np.int64]
 
     @classmethod
     def of(cls, seen: Observation) -> _Extent:
         points = own_points(seen, _STRIDE)
-        depths, counts = np.unique(seen.depth[seen.own], return_counts=True)
         empty = np.full((1, 3), np.inf)
         low, high = np.concatenate([points, empty]).min(axis=0), np.concatenate([points, -empty]).max(axis=0)
-        return cls(low, high, len(points), depths, counts)
+        return cls(low, high, len(points), np.bincount(_bin(seen.depth[seen.own]), minlength=_BINS))
 
 
-def _median(extents: Sequence[_Extent]) -> float:
-    """The median of all depths, as NumPy counts it."""
-    values = np.concatenate([e.depths for e in extents])
-    order = np.argsort(values, kind="stable")
-    total = np.cumsum(np.concatenate([e.counts for e in extents])[order])
-    middle = np.array([(total[-1] - 1) // 2, total[-1] // 2])
-    return float(np.mean(values[order][np.searchsorted(total, middle, side="right")]))
+def _bin(depth: F32) -> NDArray[np.int64]:
+    """Which of `_BINS` bins depths (n,) m lie in."""
+    return np.minimum((depth * np.float32(_BINS / MAX_DEPTH)).astype(np.int64), _BINS - 1)
+
+
+def _median(counts: NDArray[np.int64], within: Callable[[int, int], F32]) -> float:
+    """The median of depths, as NumPy has it, of which so many lie in each bin.
+
+    within: the depths of two bins.
+    """
+    total = np.cumsum(counts)
+    ranks = np.array([(total[-1] - 1) // 2, total[-1] // 2])
+    low, high = (int(k) for k in np.searchsorted(total, ranks, side="right"))
+    values = np.sort(within(low, high))  # no bin between the two holds any
+    return float(np.mean(values[ranks - (total[low] - counts[low])]))
 
 
 def _fuse_body(
@@ -193,7 +201,17 @@ def _fuse_body(
     shown = [k for k, e in zip(used, extents, strict=True) if e.points]
     if sum(e.points for e in extents) < _FEWEST:
         return None
-    typical = _median(extents)
+
+    def within(low: int, high: int) -> F32:
+        def of(k: int) -> F32:
+            o = observation(k)
+            depth, place = o.depth[o.own], _bin(o.depth[o.own])
+            return depth[(place == low) | (place == high)]
+
+        holding = [k for k, e in zip(used, extents, strict=True) if e.counts[low] or e.counts[high]]
+        return np.concatenate(list(each(of, holding)))
+
+    typical = _median(np.sum([e.counts for e in extents], axis=0), within)
     sigma = float(noise.sigma(typical))
     truncation = max(3.0 * voxel, min(2.5 * sigma, 4.0 * voxel))
     low, high = np.min([e.low for e in extents], axis=0), np.max([e.high for e in extents], axis=0)

@@ -10,7 +10,7 @@ from recon.evaluation.metrics import DistanceField
 from recon.evaluation.read_truth import load_truth
 from recon.evaluation.surface_scores import sampled
 from recon.evaluation.truth import Truth
-from recon.fusion.fuse import FusedScene, FusionConfig, _Extent, _median, fuse
+from recon.fusion.fuse import FusedScene, FusionConfig, _bin, _median, fuse
 from recon.fusion.mesh_cleaning import reduce_faces, smooth
 from recon.fusion.tsdf import Field, Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.readers import open_recording
@@ -149,13 +149,13 @@ def test_frames_are_averaged_in_their_order_however_many_are_in_memory() -> None
     np.testing.assert_array_equal(pieces.weight, whole.weight)
 
 
-@pytest.mark.parametrize("count", [1, 2, 101, 500])
-def test_the_median_of_counted_depths_is_that_of_all(count: int) -> None:
-    rng = np.random.default_rng(count)
-    depths = (rng.integers(500, 560, (3, count)) / 1000.0).astype(np.float32)
-    counted = [np.unique(d, return_counts=True) for d in depths]
-    extents = [_Extent(np.zeros(3), np.ones(3), count, v, n) for v, n in counted]
-    assert _median(extents) == float(np.median(depths))
+@pytest.mark.parametrize("count", [1, 2, 3, 100, 101])
+@pytest.mark.parametrize("spread", [0.0001, 0.02, 2.0])
+def test_the_median_of_counted_depths_is_that_of_all(count: int, spread: float) -> None:
+    depths = (1.0 + spread * np.random.default_rng(count).random(count)).astype(np.float32)
+    counts = np.bincount(_bin(depths), minlength=5000)
+    found = _median(counts, lambda low, high: depths[(_bin(depths) == low) | (_bin(depths) == high)])
+    assert found == float(np.median(depths))
 
 
 def test_cleaning_keeps_shape() -> None:
