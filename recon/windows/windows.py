@@ -9,13 +9,13 @@ import numpy as np
 
 from recon.dense.noise import DepthNoise
 from recon.recording import Recording
-from recon.windows.activity import activity
+from recon.windows.activity import activity, moved_points, share_in_view
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Trajectory
 
-WINDOWS = Stage("windows", 2, ())
+WINDOWS = Stage("windows", 3, ())
 # s; shorter recordings are one window: nothing is saved by cutting them.
 _CLIP_S = 20.0
 # Share of the picture that moves while a hand is in view: as for hand visits.
@@ -26,6 +26,10 @@ _LEAST_S = 0.4
 _PAUSE_S = 1.0
 # s of rest on both sides: they tell what was there before and after.
 REST_S = 3.0
+# s of rest that stay wherever the person looks.
+_LEAST_REST_S = 0.7
+# Share of what is shown of the handled place at most, below which the person looks elsewhere. Chosen by us.
+_IN_VIEW = 0.5
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ def is_long(recording: Recording) -> bool:
 def find_windows(
     recording: Recording, cameras: Trajectory, noise: DepthNoise, progress: Loop = untold
 ) -> tuple[Window, ...]:
-    """Where something is handled, each time with up to `REST_S` of rest around.
+    """Where something is handled, each time with up to `REST_S` of rest around in which its place is in view.
 
     A clip is one window with all frames.
     """
@@ -67,7 +71,28 @@ def find_windows(
     if not is_long(recording):
         return (Window(0, len(recording) - 1),)
     share = activity(recording, cameras, noise, progress)
-    return padded(handled(share, times), times)
+    out = []
+    for window in padded(handled(share, times), times):
+        assert window.handled is not None
+        points = moved_points(recording, cameras, noise, window.handled)
+        out.append(looked_at(window, share_in_view(points, recording, cameras), times))
+    return tuple(out)
+
+
+def looked_at(window: Window, shown: Array, times: Array) -> Window:
+    """A window without the rest in which the person looks elsewhere, but `_LEAST_REST_S` of it.
+
+    shown (T,): share of the handled place that is in view.
+    """
+    assert window.handled is not None
+    a, b = window.handled
+    enough = shown >= _IN_VIEW * float(shown[a : b + 1].max())
+    first, last = a, b
+    while first > window.first and (enough[first - 1] or times[a] - times[first - 1] <= _LEAST_REST_S):
+        first -= 1
+    while last < window.last and (enough[last + 1] or times[last + 1] - times[b] <= _LEAST_REST_S):
+        last += 1
+    return Window(first, last, window.handled)
 
 
 def handled(share: Array, times: Array) -> list[tuple[int, int]]:
