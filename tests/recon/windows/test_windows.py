@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from recon.dense.noise import GOOD_SENSOR
-from recon.windows.activity import activity
-from recon.windows.windows import REST_S, Window, apart, find_windows, handled, padded
+from recon.windows.activity import activity, moved_points, share_in_view
+from recon.windows.windows import REST_S, Window, apart, find_windows, handled, looked_at, padded
 from tests.makers.recon.cabinets import make_clip
 from tests.makers.recon.visits import Visit, visits_of
+from twin.scene import Trajectory
 
 FPS = 10.0
 
@@ -39,6 +40,31 @@ def test_neighbours_share_the_rest_between_them_and_none_leaves_the_recording() 
 def test_a_hand_that_holds_still_ends_nothing_and_a_flash_is_nothing() -> None:
     share, times = shares([(100, 130), (138, 160), (250, 252)])
     assert handled(share, times) == [(100, 160)]
+
+
+def test_rest_ends_where_the_person_looks_elsewhere() -> None:
+    """From frame 95 to 155 the place is in view, half of it or more of what is ever seen of it."""
+    times, shown = np.arange(400) / FPS, np.zeros(400)
+    shown[95:156], shown[120] = 0.4, 0.7
+    whole = Window(70, 170, (100, 140))
+    assert looked_at(whole, shown, times) == Window(93, 155, (100, 140))  # .7 s stay
+    assert looked_at(whole, np.ones(400), times) == whole
+    shown[85:90] = 1.0  # a glance that is not joined to the rest; nor does it count for what is in view
+    assert looked_at(whole, shown, times) == Window(93, 155, (100, 140))
+
+
+def test_moved_points_are_in_view_where_the_camera_looks() -> None:
+    """Of a door they lie about it; a camera that has turned round sees none."""
+    clip = make_clip("door")
+    first, last = clip.part.motion.intervals[0]
+    points = moved_points(clip.recording, clip.cameras, GOOD_SENSOR, (first, last))
+    assert len(points) > 100
+    turned = clip.cameras.T_world_cam.copy()
+    turned[0] = turned[0] @ np.diag([-1.0, 1.0, -1.0, 1.0])
+    away = Trajectory(clip.cameras.frames, clip.cameras.times, turned)
+    shown = share_in_view(points, clip.recording, away)
+    assert shown[0] == 0.0
+    assert shown[1:].min() > 0.9
 
 
 def test_frames_without_a_camera_say_nothing() -> None:
