@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32, look_up
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
-from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
+from recon.fusion.observation import Observation, own_points
+from recon.fusion.tsdf import allocate, integrate, ray_cosine, surface
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo

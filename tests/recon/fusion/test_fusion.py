@@ -12,7 +12,8 @@ from recon.evaluation.surface_scores import sampled
 from recon.evaluation.truth import Truth
 from recon.fusion.fuse import FusedScene, FusionConfig, _bin, _median, fuse
 from recon.fusion.mesh_cleaning import reduce_faces, smooth
-from recon.fusion.tsdf import Field, Observation, allocate, integrate, own_points, ray_cosine, surface
+from recon.fusion.observation import Observation, own_points
+from recon.fusion.tsdf import Field, allocate, integrate, ray_cosine, surface
 from recon.readers import open_recording
 from recon.recording import Intrinsics, Recording
 from tests.makers.recon.tiny import box, write_recording
