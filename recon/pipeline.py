@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
-from recon.inspection.findings import as_reason, doubts
+from recon.inspection.findings import as_reason, doubts, only_after
 from recon.inspection.inspect import INSPECTION, quick_findings
 from recon.interaction.interaction import Interaction
 from recon.interaction.joints.clustering.clusters import require_hdbscan
@@ -28,7 +28,7 @@ from recon.survey import Surveyed, survey
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.texture.photo_textures import TEXTURE, photo_textures
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
-from recon.verdict.judge import VERDICT, judge
+from recon.verdict.judge import VERDICT, Fault, judge
 from recon.windows.windows import is_long
 from twin.cause import Cause
 from twin.errors import InputError, nearest_name
@@ -161,7 +161,7 @@ def _judged_twin(
     noise, cameras, interactions = surveyed.noise, world.cameras, world.interactions
     parts, scene = world.parts, world.fused
     static, sigma = scene.static, noise.value
-    faults = tuple(as_reason(f) for f in wrong if doubts(f))  # they join the key only if there are some
+    faults = tuple(Fault(as_reason(f), only_after(f)) for f in wrong if doubts(f))  # join the key only if any
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,

@@ -29,6 +29,11 @@ def value(found: Cause) -> str:
     return found.text.removeprefix(f"{found.kind}: ")
 
 
+def only_after(found: Cause) -> int | None:
+    """The frame after which alone a fault lies; None: it lies elsewhere, too."""
+    return found.numbers["frame"] if found.type == "Cut" and found.numbers["count"] == 1 else None
+
+
 def as_reason(found: Cause) -> Reason:
     """The same as a reason against a twin that is made of the recording."""
     return reason("OfRecording", "doubtful", found.type, found.text, found.kind, found.help)

@@ -11,7 +11,7 @@ import numpy as np
 from recon.recording import Recording
 from twin.geometry import Array
 from twin.scene import Part, Twin
-from twin.verdict import reason
+from twin.verdict import LEVELS, reason
 
 UNSOLVED = ["from", "to", "not solved, since", "what to try"]
 NO_CAMERA = (
@@ -90,6 +90,7 @@ def _of_windows(run: Path, twin: Twin) -> list[tuple[tuple[int, int], tuple[str,
         if w.handled is None or any(a <= w.last and w.first <= b for a, b in moving):
             continue
         against = [r for spans, reasons in refused if (w.first, w.last) in spans for r in reasons]
+        against.sort(key=lambda r: -LEVELS.index(r.level))  # what refuses comes first
         why = against[0] if against else reason("HandMovesNothing", "doubtful", *w.handled)
         out.append((w.handled, (why.text, why.help)))
     return out

@@ -21,7 +21,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import LEVELS, Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 31, ())
+VERDICT = Stage("verdict", 32, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = ("HandWhereNobodyIs", "HandMovesNothing", "Unexplained", "StaticSeenThrough")
 # What a short motion leaves unsure: sigmas of one fit, which grow together
@@ -47,6 +47,18 @@ class Judged:
     scene: tuple[Reason, ...]
 
 
+@dataclass(frozen=True)
+class Fault:
+    """A reason against what is made of a recording. frame: after which alone it lies; None: all over it."""
+
+    reason: Reason
+    frame: int | None = None
+
+    def touches(self, windows: Sequence[tuple[int, int]]) -> bool:
+        """Whether it lies in one of a part's windows, of which a part of a clip has none."""
+        return self.frame is None or not windows or any(a <= self.frame < b for a, b in windows)
+
+
 def judge(
     recording: Recording,
     cameras: Trajectory,
@@ -55,13 +67,13 @@ def judge(
     parts: Sequence[MovingPart],
     fused: FusedScene,
     finished: Sequence[FinishedPart],
-    faults: Sequence[Reason] = (),
+    faults: Sequence[Fault] = (),
 ) -> Judged:
     """Judge each part as it would be written, and the scene.
 
     interactions: in which the parts, by their ids, were found. parts: merged and refined. finished: those of
     them that have a surface, counted from their closed end. faults: what the recording's inspection says
-    against everything that is made of it.
+    against what is made of it, a frame's fault against the parts handled in its windows.
 
     A part is worth what its best interaction shows: another look at it adds no doubt.
     """
@@ -72,10 +84,15 @@ def judge(
             if k not in best or _worth(verdict) > _worth(best[k]):
                 best[k] = verdict
     # What is wrong with the recording comes first: it may be the cause of all else.
-    verdicts = {k: Verdict((*faults, *best[k].reasons)) for k in sorted(best)}
+    windows = {p.id: p.windows for p in parts}
+    verdicts = {
+        k: Verdict((*(f.reason for f in faults if f.touches(windows.get(k, ()))), *best[k].reasons))
+        for k in sorted(best)
+    }
+    every = tuple(f.reason for f in faults)
     if any(v.level != "refused" for v in verdicts.values()):
-        return Judged(verdicts, (*faults, *_missed(interactions)))
-    refusing = (replace(f, level="refused") for f in faults)
+        return Judged(verdicts, (*every, *_missed(interactions)))
+    refusing = (replace(reason, level="refused") for reason in every)
     return Judged(verdicts, (*refusing, nothing_articulated([i.found.movers for i in interactions])))
 
 

@@ -38,6 +38,7 @@ WINDOWS = (
 
 def test_a_window_without_a_part_is_told_by_its_time_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     axis, tiny = reason("AxisUnsure", "refused", 40.0, 0.9), reason("NoSurface", "refused")
+    cut = as_reason(finding("Cut", 108, 1))  # doubts what it touches and refuses nothing
     stages = {
         "windows": WINDOWS,
         "merge": SimpleNamespace(
@@ -46,7 +47,7 @@ def test_a_window_without_a_part_is_told_by_its_time_with_the_reason(monkeypatch
                 SimpleNamespace(id=3, windows=((300, 400),)),
             ]
         ),
-        "verdict": SimpleNamespace(parts={2: Verdict(), 3: Verdict((axis, tiny))}),
+        "verdict": SimpleNamespace(parts={2: Verdict(), 3: Verdict((cut, axis, tiny))}),
     }
     monkeypatch.setattr(recon.pipeline, "read_stage", lambda _, name: stages[name])
     part = cabinet_twin().parts[0]

@@ -9,9 +9,9 @@ import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
-from recon.inspection.findings import as_reason, doubts, finding
+from recon.inspection.findings import as_reason, doubts, finding, only_after
 from recon.interaction.interaction import Interaction
-from recon.verdict.judge import Judged, judge
+from recon.verdict.judge import Fault, Judged, judge
 from recon.windows.windows import Window
 from tests.makers.recon.cabinets import Clip, make_clip
 from tests.makers.recon.judged import as_one, perfect
@@ -40,7 +40,7 @@ def judged(clip: Clip, faults: tuple[Reason, ...], surface: bool = True) -> Judg
         (e.part,),
         fused,
         finished,
-        faults,
+        [Fault(f) for f in faults],
     )
 
 
@@ -70,6 +70,16 @@ def test_where_nothing_was_found_late_depth_is_why(clip: Clip) -> None:
 def test_a_cut_is_named_before_what_follows_from_it(clip: Clip) -> None:
     verdict = of_twin({"door": judged(clip, (as_reason(CUT),)).parts[clip.part.id]}, own=(as_reason(CUT),))
     assert verdict.text.startswith("doubtful: the video is cut: between frames 108 and 109; take the piece")
+
+
+def test_one_cut_is_charged_to_the_windows_that_it_lies_in(clip: Clip) -> None:
+    """A part that was handled in other minutes is not doubted for it; of several cuts any may be."""
+    assert (only_after(CUT), only_after(finding("Cut", 108, 2)), only_after(LATE)) == (108, None, None)
+    cut = Fault(as_reason(CUT), only_after(CUT))
+    assert not cut.touches([(0, 108), (109, 200)])  # it lies between the two frames
+    assert cut.touches([(300, 400), (50, 109)])
+    assert cut.touches([])
+    assert Fault(as_reason(LATE)).touches([(0, 10)])
 
 
 def test_what_only_makes_a_recording_worse_doubts_nothing() -> None:
