@@ -12,6 +12,7 @@ import pytest
 
 import recon.pipeline
 from benchmarks.scenes.boards import cabinet_twin
+from recon.inspection.findings import as_reason, finding
 from recon.verbs.of_walk import NO_CAMERA, handled_text, moved_unseen, notes, unsolved_rows
 from recon.windows.windows import Window
 from twin.scene import Motion, Trajectory
