@@ -42,7 +42,9 @@ def decoded_once(
         path = place / SCRATCH
         most = min(most_bytes, int(_SHARE * shutil.disk_usage(place).free))
         try:
-            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+            # a file of its own: processes of a killed run may still write into the one that it left
+            path.unlink(missing_ok=True)
+            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
         except OSError:
             yield recording
             return

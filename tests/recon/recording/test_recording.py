@@ -274,6 +274,19 @@ def test_another_process_reads_and_adds_to_what_a_run_has_decoded(tmp_path: Path
         assert np.array_equal(beside.depth(2), _MILLIMETRES[2])
 
 
+def test_what_a_killed_run_still_writes_reaches_no_later_one(tmp_path: Path) -> None:
+    """Its processes may live on for a while: a slot cleared between its image and its mark would be black."""
+    killed, later = Counted(_MILLIMETRES), Counted(_MILLIMETRES)
+    with (
+        decoded_once(killed.recording, tmp_path) as _,
+        decoded_beside(killed.recording, tmp_path) as orphan,
+        decoded_once(later.recording, tmp_path) as recording,
+    ):
+        orphan.frame(3)
+        assert np.array_equal(recording.depth(3), _MILLIMETRES[3])
+        assert later.reads == ["depth 3"]
+
+
 def test_a_folder_that_cannot_be_written_costs_time_alone(tmp_path: Path) -> None:
     counted = Counted(_MILLIMETRES)
     (tmp_path / SCRATCH).mkdir()
