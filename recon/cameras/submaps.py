@@ -88,7 +88,9 @@ def solve_pieces(count: int, solve: Solve, times: Array | None = None) -> tuple[
                 out = [*out, piece] if joined is None else [*out[:-1], joined]
         end = first + (int(frames[-1]) if len(frames) else 0)
         if last - end >= _FEWEST:  # lost on the way: what follows is solved anew
-            first = end + 1
+            first = max(
+                end + 1, first + _FEWEST
+            )  # a path that leaps all the time is not solved for each frame
         elif last == count - 1:
             break
         else:

@@ -179,3 +179,13 @@ def test_what_follows_a_hole_is_a_piece_with_a_bridge_to_the_one_before() -> Non
     assert after.bridge is not None
     assert (after.bridge.a, after.bridge.b) == (199, 220)
     np.testing.assert_allclose(after.bridge.T_a_b, geo.invert_pose(truth[199]) @ truth[220], atol=1e-9)
+
+
+def test_a_path_that_leaps_all_the_time_is_not_solved_for_each_of_its_frames() -> None:
+    count = 400
+    rng = np.random.default_rng(0)
+    wild = path(count)
+    wild[:, :3, 3] += rng.uniform(-1.0, 1.0, (count, 3))
+    solve, asked = solver(wild, np.zeros(count, bool))
+    assert solve_pieces(count, solve, np.arange(count) / 15.0) == ()
+    assert len(asked) <= count / 10
