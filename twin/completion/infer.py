@@ -8,10 +8,11 @@ import numpy as np
 
 from twin.completion.eyes import part_eyes
 from twin.completion.frame import viewer
+from twin.completion.opening import openings
 from twin.completion.part import complete_part, front_of
 from twin.completion.room import split_furniture
 from twin.completion.squared import Sight
-from twin.completion.static import complete_static, openings
+from twin.completion.static import complete_static
 from twin.completion.sweep import held_points, swept_points
 from twin.scene import Twin
 

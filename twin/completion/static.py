@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,16 @@ from twin import geometry as geo
 from twin.collision.boards import BoardSearch, beyond, find_boards
 from twin.collision.convex import triangles_of
 from twin.completion.board import Board
-from twin.completion.carcass import Carcass, find_carcass
+from twin.completion.by_furniture import by_furniture, nearest_piece, together
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
 from twin.completion.eyes import EVERY
 from twin.completion.furniture_handles import furniture_handles
 from twin.completion.grooves import split_at_grooves
 from twin.completion.hanging import hanging
 from twin.completion.joined import Row, joined, worktop_over
+from twin.completion.opening import Opening
 from twin.completion.part import color_near
-from twin.completion.room import Bound, Front, FurnitureSplit
+from twin.completion.room import FurnitureSplit
 from twin.completion.shown import shown_surface, without_shreds
 from twin.completion.sides import continued
 from twin.completion.squared import Sight, squared
@@ -28,17 +29,13 @@ from twin.completion.sweep import out_of_the_way
 from twin.completion.trimmed import trimmed
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
-from twin.scene import Box, Mesh, Part, Prismatic
+from twin.scene import Box, Mesh
 
 SEARCH = BoardSearch(deepest=0.045, thickness=0.012, cell=0.01, smallest=0.012, noise=0.004, most=24)
 # All chosen by us. m from the plane of a part's front within which other fronts lie.
 _COPLANAR = 0.04
 # Least area of a front, m^2.
 _FRONT = 0.02
-# Least cosine between the normals of a wall and a front in line.
-_ALIGNED = float(np.cos(np.radians(8.0)))
-# m. Of two faces of a wall nearer than this the farther is the wall, the other is cladding.
-_CLAD = 0.03
 # m by which a neighbour may reach into an opening.
 _GAP = 0.004
 # Most pieces of the furniture.
@@ -55,49 +52,6 @@ _RESERVED = 12
 _SOLID = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class Opening:
-    """A front with the part that it belongs to, and the cabinet around it."""
-
-    part: Part
-    front: Front
-    carcass: Carcass
-
-
-def openings(
-    parts: Sequence[Part], fronts: Sequence[Front | None], mesh: Mesh, found: FurnitureSplit
-) -> list[Opening]:
-    """The cabinets of the parts that have a flat front."""
-    out = []
-    furniture = mesh.of(found.furniture)
-    for part, front in zip(parts, fronts, strict=True):
-        if front is None:
-            continue
-        cloud = Cloud.of(furniture, front.frame.T_world_frame)
-        corners = front.leaf.corners.copy()
-        # two doors wide at least
-        if front.frame.kind == "sliding_door" and isinstance(part.joint, Prismatic):
-            way = front.frame.T_world_frame[:3, :2].T @ part.joint.axis
-            way = way * np.where(np.abs(way) > 0.5, np.maximum(front.leaf.size, part.joint.upper), 0.0)
-            corners = np.stack(
-                [np.minimum(corners[0], corners[0] + way), np.maximum(corners[1], corners[1] + way)]
-            )
-        wall = wall_behind(front, found.bounds)
-        out.append(Opening(part, front, find_carcass(front, cloud, wall, corners, part.name)))
-    return out
-
-
-def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
-    """Where (m along out, negative) a wall or the floor lies behind a front; None if none was seen.
-
-    Behind cladding, such as tiles above a worktop, the furniture stands at the wall itself.
-    """
-    T = front.frame.T_world_frame
-    found = [b.offset - float(b.normal @ T[:3, 3]) for b in bounds if b.normal @ T[:3, OUT] > _ALIGNED]
-    behind = [h for h in found if h < -0.05]
-    return min(h for h in behind if h > max(behind) - _CLAD) if behind else None
-
-
 def complete_static(
     mesh: Mesh, found: FurnitureSplit, opened: Sequence[Opening], swept: Array, sight: Sight | None
 ) -> Completion:
@@ -110,9 +64,24 @@ def complete_static(
         swept: points (n, 3) that the parts pass.
         sight: what cameras saw; None without camera poses.
     """
-    furniture = mesh.of(found.furniture)
     if not opened:
-        return Completion(without_shreds(furniture), (), (), (), mesh.of(~found.furniture))
+        return Completion(without_shreds(mesh.of(found.furniture)), (), (), (), mesh.of(~found.furniture))
+    groups = by_furniture(opened)
+    nearest = nearest_piece(groups, mesh.vertices[mesh.faces].mean(axis=1))
+    layers = []
+    of_furniture = np.zeros(len(mesh.faces), bool)
+    for k, group in enumerate(groups):
+        chosen = found.furniture & (nearest == k)
+        layer, loose = _complete_piece(mesh.of(chosen), group, swept, sight)
+        layers.append(layer)
+        of_furniture[np.flatnonzero(chosen)[~loose]] = True
+    return replace(together(layers), room=mesh.of(~of_furniture))
+
+
+def _complete_piece(
+    furniture: Mesh, opened: Sequence[Opening], swept: Array, sight: Sight | None
+) -> tuple[Completion, NDArray[np.bool_]]:
+    """The inferred layer of one piece of furniture, and which of its seen triangles hang on nothing of it."""
     cabinets: list[tuple[Opening, list[Board]]] = []
     shown, left = furniture, triangles_of(furniture)
     for o in opened:
@@ -144,10 +113,8 @@ def complete_static(
     if sight is not None:
         shown = trimmed(shown, [*boxes, *(b.box(T) for b in panels)], sight.eyes[::EVERY])
     held = hanging(without_shreds(shown), [*panels, *bars], fixed, furniture, T)
-    chosen = found.furniture.copy()
-    chosen[chosen] = ~held.loose
     pieces += [_clear_piece(b, T, furniture, opened[0].front.local(swept)) for b in held.boards]
-    return Completion(held.shown, tuple(pieces), (), _interiors(opened), mesh.of(~chosen))
+    return Completion(held.shown, tuple(pieces), (), _interiors(opened)), held.loose
 
 
 def _interiors(opened: Sequence[Opening]) -> tuple[Interior, ...]:
@@ -258,10 +225,7 @@ def _meets(solid: Board, o: Opening, first: Opening) -> bool:
 
 def _inside_of(o: Opening, first: Opening) -> Board:
     """The inside of a cabinet, up to its front, as a box in the first front's frame."""
-    high = np.array([*o.carcass.high[:2], 0.0])
-    return _in_first(
-        Board("inside", "interior", o.carcass.low, high, "assumed", "the inside of a cabinet"), o, first
-    )
+    return _in_first(Board("inside", "interior", *o.inside, "assumed", "the inside of a cabinet"), o, first)
 
 
 def _in_first(board: Board, o: Opening, first: Opening) -> Board:

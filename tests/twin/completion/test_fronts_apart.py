@@ -15,11 +15,11 @@ from twin.completion.board import Board
 from twin.completion.cloud import SIDE, UP, Cloud
 from twin.completion.grooves import split_at_grooves
 from twin.completion.infer import infer
+from twin.completion.opening import wall_behind
 from twin.completion.part import front_of
 from twin.completion.room import Bound
 from twin.completion.sides import continued
 from twin.completion.squared import Sight
-from twin.completion.static import wall_behind
 from twin.scene import Mesh
 
 T = geo.make_pose(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))  # side x, up z, out -y
