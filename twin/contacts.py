@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import ContactPath, Mesh, Part, Twin
+from twin.shapes import orthonormal
 
 # m from the surface at which a contact still speaks of the part, beside half the width of what is held there
 # (a point may be its middle). Chosen by us: what a hand's lifted points err by, 3 cm, and a fist between its
@@ -65,3 +67,9 @@ def contact_off(part: Part) -> ContactOff | None:
 def contacts_off(twin: Twin) -> tuple[ContactOff, ...]:
     """The contacts that are off their parts."""
     return tuple(found for part in twin.parts if (found := contact_off(part)) is not None)
+
+
+def moved_contact(contact: ContactPath, T_new_old: Array) -> ContactPath:
+    """A contact in a new world frame, by a pose (4, 4)."""
+    rotation = orthonormal(geo.make_pose(T_new_old[:3, :3] @ contact.rotation))[:3, :3]
+    return replace(contact, point=geo.transform(T_new_old, contact.point[None])[0], rotation=rotation)

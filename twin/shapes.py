@@ -155,5 +155,15 @@ class Box(Described):
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return geo.transform(self.T_world_box, signs * self.size / 2)
 
+    def transformed(self, T_new_old: Array) -> Box:
+        """The same box in a new world frame, by a pose (4, 4)."""
+        return Box(orthonormal(T_new_old @ self.T_world_box), self.size)
+
+
+def orthonormal(pose: Array) -> Array:
+    """The pose (4, 4) with its rotation orthonormal to the last digit, as products are not."""
+    u, _, v = np.linalg.svd(pose[:3, :3])
+    return geo.make_pose(u @ v, pose[:3, 3])
+
 
 Collision = Mesh | Box

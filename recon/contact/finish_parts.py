@@ -14,6 +14,9 @@ from recon.contact.find_contact import ContactConfig, find_contact
 from recon.fusion.fuse import FusedScene
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
+from twin import geometry as geo
+from twin.contacts import moved_contact
+from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
@@ -35,6 +38,22 @@ class FinishedPart:
     closed_margin: float
     closed_probability: float = 0.5
 
+    def standing(self) -> FinishedPart:
+        """The part of the static scene that it is while it is handled first and its carrier stands."""
+        carrier = self.moving.carrier
+        T = None if carrier is None else carrier.pose(self.moving.handled_first)
+        return self if T is None else self._moved(T, None)
+
+    def on(self, carrier: MovingPart) -> FinishedPart:
+        """A part of the static scene as the part of a carrier that it is."""
+        T = carrier.pose(self.moving.handled_first)
+        return self if T is None else self._moved(geo.invert_pose(T), carrier)
+
+    def _moved(self, T: Array, carrier: MovingPart | None) -> FinishedPart:
+        moving = replace(self.moving, joint=self.moving.joint.transformed(T), carrier=carrier)
+        contact = None if self.contact is None else moved_contact(self.contact, T)
+        return replace(self, moving=moving, mesh=self.mesh.transformed(T), contact=contact)
+
 
 def finish_parts(
     recording: Recording,
@@ -47,25 +66,31 @@ def finish_parts(
 ) -> tuple[FinishedPart, ...]:
     """Count each part from its closed end and find where a hand held it; a part without surface is left out.
 
-    sources: why the joint of each part, by id, has its type. parts: refined.
+    sources: why the joint of each part, by id, has its type. parts: refined. What is carried by another part
+    is looked at where that stood when it was handled.
     """
-    finished = []
-    for part in parts:
-        mesh = fused.parts.get(part.id)
-        if mesh is None:
+    finished: list[FinishedPart] = []
+    for whole in sorted(parts, key=lambda p: p.carrier is not None):
+        part = whole.standing(whole.handled_first)
+        seen = fused.parts.get(part.id)
+        if seen is None:
             warnings.warn(
                 f"part {part.id} has no surface: too few of its pixels could be labelled", stacklevel=2
             )
             continue
+        T = None if whole.carrier is None else whole.carrier.pose(whole.handled_first)
+        mesh = seen if T is None else seen.transformed(T)
         closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels)
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
         path = _contact(recording, cameras, labels, based, based_mesh, config)
-        finished.append(
-            FinishedPart(
-                based, based_mesh, path, sources[part.id], closed.source, closed.margin, closed.probability
-            )
+        one = FinishedPart(
+            based, based_mesh, path, sources[part.id], closed.source, closed.margin, closed.probability
         )
-    return tuple(finished)
+        carrier = [
+            f.moving for f in finished if whole.carrier is not None and f.moving.id == whole.carrier.id
+        ]
+        finished.append(one.on(carrier[0]) if carrier else one)
+    return tuple(sorted(finished, key=lambda f: f.moving.id))
 
 
 def _contact(

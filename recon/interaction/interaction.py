@@ -101,7 +101,8 @@ def during(part: MovingPart, window: Window) -> MovingPart:
     """A part in the frames of a window, which count from 0."""
     motion, first = part.motion, window.first
     inside = (motion.frames >= first) & (motion.frames <= window.last)
-    if not first and inside.all():
+    carrier = None if part.carrier is None else during(part.carrier, window)
+    if not first and inside.all() and carrier is None:
         return part
     spans = tuple((a - first, b - first) for a, b in motion.intervals if first <= a and b <= window.last)
     cut = replace(
@@ -111,7 +112,7 @@ def during(part: MovingPart, window: Window) -> MovingPart:
         state=motion.state[inside],
         intervals=spans,
     )
-    return replace(part, motion=cut, windows=())
+    return replace(part, motion=cut, windows=(), carrier=carrier)
 
 
 def _local(stage: Chain, seen: Observed, window: Window) -> _Local:

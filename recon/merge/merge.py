@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from recon.interaction.interaction import Interaction, cameras_of, frames_of
 from recon.interaction.parts.found import FoundParts
 from recon.interaction.parts.moving_part import MovingPart
+from recon.merge.carried import on_carriers
 from recon.merge.same_part import Surface, match, surface_of
 from recon.recording import Recording
 from twin.geometry import Array
@@ -39,7 +40,8 @@ class Share:
 class Merged:
     """The parts of all interactions, and by which of these each was found. part.id: FIRST_PART_ID + place.
 
-    surfaces: cells (n, 3) m of each part's surface at state 0; none where there is one interaction.
+    surfaces: cells (n, 3) m of each part's surface at state 0, its carrier's too; none where there is one
+    interaction.
     """
 
     parts: tuple[MovingPart, ...]
@@ -71,7 +73,8 @@ def merge(recording: Recording, cameras: Trajectory, interactions: Sequence[Inte
     parts = tuple(
         _over_all(FIRST_PART_ID + k, g, recording, cameras, interactions) for k, g in enumerate(found)
     )
-    return Merged(parts, tuple(g.shares for g in found), tuple(g.surface.points for g in found))
+    parts, surfaces = on_carriers(parts, [g.surface for g in found])
+    return Merged(parts, tuple(g.shares for g in found), tuple(s.points for s in surfaces))
 
 
 def _gather(found: list[_Gathered], number: int, part: MovingPart, surface: Surface) -> None:

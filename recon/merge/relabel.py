@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.interaction.interaction import Interaction
+from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.merge import Merged
 from recon.recording import Recording
 from recon.windows.windows import Window
@@ -30,8 +31,9 @@ def all_labels(
 ) -> Mapping[int, NDArray[np.uint8]]:
     """Label images (H, W) by frame of the recording: of the windows, and of some frames between them.
 
-    One window's labels stay as they are. Else a static pixel on the surface of a part that the window does
-    not handle, in the state that it has there, is that part's.
+    One window's labels stay as they are. Else a pixel of the static scene, or of what carries the part, that
+    lies on the surface of a part that the window does not handle, in the state that it has there, is that
+    part's.
     """
     if len(interactions) == 1 and interactions[0].window.is_whole(recording):
         return interactions[0].labels
@@ -90,19 +92,28 @@ def _with_standing(
     if T_world_cam is None or not cells:
         return out
     small = depth[::_EVERY, ::_EVERY]
-    y, x = np.nonzero((small > 0) & (image[::_EVERY, ::_EVERY] == STATIC_LABEL))
+    labels = out[::_EVERY, ::_EVERY]
+    below = {k: _below(merged.parts[k]) for k in cells}
+    y, x = np.nonzero((small > 0) & np.isin(labels, [*{b for ids in below.values() for b in ids}]))
     pixels = _EVERY * np.stack([x, y], axis=-1).astype(float)
     points = recording.intrinsics.backproject(pixels, small[y, x].astype(float))
     world = geo.transform(T_world_cam, points)
     block = np.zeros(small.shape, np.uint8)
-    for k, keys in cells.items():
-        pose = merged.parts[k].pose(frame)
+    for k in sorted(cells, key=lambda k: len(below[k])):  # what is carried lies on its carrier
+        keys, pose = cells[k], merged.parts[k].pose(frame)
         if pose is None or not len(keys):
             continue
         there = geo.transform(geo.invert_pose(pose), world)
         low, high = merged.surfaces[k].min(axis=0) - _CELL_M, merged.surfaces[k].max(axis=0) + _CELL_M
-        near = np.flatnonzero(((there > low) & (there < high)).all(axis=1))
+        near = np.flatnonzero(((there > low) & (there < high)).all(axis=1) & np.isin(labels[y, x], below[k]))
         on = np.isin(voxel_keys(there[near].astype(np.float32), _CELL_M), keys)
         block[y[near[on]], x[near[on]]] = merged.parts[k].id
     large = np.repeat(np.repeat(block, _EVERY, axis=0), _EVERY, axis=1)[: out.shape[0], : out.shape[1]]
-    return np.where((large > 0) & (out == STATIC_LABEL), large, out)
+    for k, ids in below.items():
+        out[(large == merged.parts[k].id) & np.isin(out, ids)] = merged.parts[k].id
+    return out
+
+
+def _below(part: MovingPart) -> list[int]:
+    """Labels that pixels of a part have in a window which doesn't handle it."""
+    return [STATIC_LABEL, *([] if part.carrier is None else [part.carrier.id])]

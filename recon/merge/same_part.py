@@ -27,8 +27,8 @@ _PIVOT_M = 0.06
 # cameras over a walk.
 _CELL_M = 0.015
 _NEAR_M = 0.03
-# Share of the smaller surface that lies on the other one.
-_OVERLAP = 0.6
+# Share of the smaller surface that lies on the other one, for both to be one part's.
+OVERLAP = 0.6
 # Of the best overlap that the state in which the part was left must reach: then nobody moved it meanwhile.
 _AS_LEFT = 0.85
 # Of the best overlap: of such states that with the nearest surfaces is taken.
@@ -63,6 +63,13 @@ class Surface:
         ]
         share, away = max((float((d < _NEAR_M).mean()), -float(np.minimum(d, _NEAR_M).mean())) for d in off)
         return share, -away
+
+    def covered_by(self, other: Surface, pose: Array) -> float:
+        """Share of this surface, moved by a pose (4, 4), that lies on the other one."""
+        if not len(self.points) or not len(other.points):
+            return 0.0
+        away = other.tree.query(geo.transform(pose, self.points), distance_upper_bound=_NEAR_M)[0]
+        return float((away < _NEAR_M).mean())
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,7 @@ def match(known: Joint, surface: Surface, left: float, other: Joint, its: Surfac
     seen = np.array(list(each(lambda s: surface.lies_on(its, known.pose(float(s))), tried.tolist())))
     shares, away = seen.T
     best = float(shares.max())
-    if max(as_left, best) < _OVERLAP:
+    if max(as_left, best) < OVERLAP:
         return None
     if as_left >= _AS_LEFT * best:
         return Match(sign, left, True)

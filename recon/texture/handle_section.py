@@ -20,6 +20,7 @@ from recon.recording import Recording
 from recon.texture.photo_textures import evenly
 from twin import geometry as geo
 from twin.completion.cloud import OUT, SIDE, UP
+from twin.completion.eyes import states_of
 from twin.completion.frame import viewer
 from twin.completion.handle import Handle
 from twin.completion.part import front_of, handles_of
@@ -102,13 +103,13 @@ def profiles_of(
     grid[..., along] = middle[along] + np.linspace(-reach, reach, _ROWS)[:, None]
     grid[..., OUT] = bar.high[OUT]
     points = geo.transform(T_world_frame, grid.reshape(-1, 3))
-    at = {int(f): float(s) for f, s in zip(part.motion.frames, part.motion.state, strict=True)}
+    states = states_of(twin)
 
     def seen(frame: int) -> Profile | None:
         pose = None if twin.cameras is None else twin.cameras.pose(frame)
         if pose is None:
             return None
-        T_body_cam = geo.invert_pose(part.joint.pose(at[frame])) @ pose
+        T_body_cam = geo.invert_pose(twin.part_pose(part.id, states(frame))) @ pose
         eye = geo.transform(geo.invert_pose(T_world_frame), T_body_cam[None, :3, 3])[0] - grid.mean(
             axis=(0, 1)
         )
@@ -119,7 +120,7 @@ def profiles_of(
         pixel = float(np.linalg.norm(eye)) / recording.intrinsics.fx
         return None if lit is None else Profile(np.median(lit, axis=0), float(aside), pixel)
 
-    frames = evenly([f for f in sorted(twin.labels) if f in at], _MOST)
+    frames = evenly([f for f in sorted(twin.labels) if part.id in states(f)], _MOST)
     return [p for p in each(seen, frames) if p is not None]
 
 

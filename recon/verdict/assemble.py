@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,8 @@ def assemble(
     """
     name = legal_name(recording.name)
     gone = [p for p in moved if judged.parts[p.id].level == "refused"]
+    left = [p for p in parts if judged.parts[p.moving.id].level != "refused"]
+    carriers = {p.moving.id for p in left}
     finished = [
         Part(
             id=part.moving.id,
@@ -77,9 +79,9 @@ def assemble(
             closed_source=part.closed_source,
             type_source=part.type_source,
             verdict=judged.parts[part.moving.id],
+            parent=None if part.moving.carrier is None else part.moving.carrier.id,
         )
-        for part in parts
-        if judged.parts[part.moving.id].level != "refused"
+        for part in (_carried_by(p, carriers) for p in left)
     ]
     names = part_names(finished, viewer(cameras), given, [name, "static"])
     finished = [replace(p, name=names[p.id]) for p in finished]
@@ -102,6 +104,12 @@ def assemble(
             judged.scene,
         ),
     )
+
+
+def _carried_by(part: FinishedPart, carriers: Collection[int]) -> FinishedPart:
+    """A part that stands in the static scene unless it is mounted on one of these."""
+    carrier = part.moving.carrier
+    return part if carrier is None or carrier.id in carriers else part.standing()
 
 
 def given_names(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,7 +120,10 @@ class _Told:
     def verdicts(self, interaction: Interaction) -> Mapping[int, Verdict]:
         """The verdict on each part that an interaction handles, by id."""
         window, found = interaction.window, interaction.found
-        written = {f.moving.id: (f.moving, f.mesh) for f in self.finished}
+        handled = {p.id for p in interaction.parts}
+        written = {
+            f.moving.id: (f.moving, f.mesh) for f in (_on_what_stands(f, handled) for f in self.finished)
+        }
         closed = {f.moving.id: (f.closed_margin, f.closed_probability) for f in self.finished}
         told: list[tuple[MovingPart, Mesh | None]] = [
             (during(part, window), mesh) for part, mesh in (written.get(p.id, (p, None)) for p in self.parts)
@@ -128,7 +131,6 @@ class _Told:
         recording, cameras = frames_of(self.recording, window), cameras_of(self.cameras, window)
         labels = {f - window.first: i for f, i in self.labels.items() if window.first <= f <= window.last}
         scene = SceneEvidence(recording, cameras, labels, found, self.fused.static, told)
-        handled = {p.id for p in interaction.parts}
         mine = [(part, mesh) for part, mesh in told if part.id in handled]
         alone = {
             part.id: verdict_on(
@@ -137,6 +139,13 @@ class _Told:
             for (part, mesh), tracks in zip(mine, found.of([part for part, _ in mine]), strict=True)
         }
         return _beside_doubted([part for part, _ in mine], alone)
+
+
+def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPart:
+    """A part that is handled on a carrier that is not: a part of the static scene."""
+    carrier = part.moving.carrier
+    stands = carrier is not None and carrier.id not in handled and part.moving.id in handled
+    return part.standing() if stands else part
 
 
 def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:

@@ -87,7 +87,7 @@ class PosedTwin:
         depth = _cast(self._static, self._rays, T_world_cam)
         owner = np.where(depth > 0, STATIC_LABEL, UNKNOWN_LABEL).astype(np.uint8)
         for part, scene in self._scenes:
-            pose = geo.invert_pose(part.joint.pose(states[part.id]))
+            pose = geo.invert_pose(part.pose_at(states))
             near = _cast(scene, self._rays, pose @ T_world_cam)
             first = (near > 0) & ((depth == 0) | (near < depth))
             depth, owner = np.where(first, near, depth), np.where(first, np.uint8(part.id), owner)

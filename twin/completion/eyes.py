@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from twin import geometry as geo
@@ -21,10 +23,17 @@ def part_eyes(twin: Twin, part: Part) -> Array | None:
     """Where the cameras stood (n, 3) m as a moved part saw them, at state 0; None without camera poses."""
     if twin.cameras is None:
         return None
-    poses = twin.cameras
-    states = dict(zip(part.motion.frames.tolist(), part.motion.state.tolist(), strict=True))
+    poses, states = twin.cameras, states_of(twin)
     eyes = []
     for frame, pose in zip(poses.frames[::EVERY].tolist(), poses.T_world_cam[::EVERY], strict=True):
-        moved = twin.part_pose(part.id, {part.id: states.get(frame, 0.0)})
+        moved = twin.part_pose(part.id, states(frame))
         eyes.append(geo.transform(geo.invert_pose(moved), pose[None, :3, 3])[0])
     return np.array(eyes)
+
+
+def states_of(twin: Twin) -> Callable[[int], dict[int, float]]:
+    """The states of all parts that have one in a frame, by part id."""
+    known = {
+        p.id: dict(zip(p.motion.frames.tolist(), p.motion.state.tolist(), strict=True)) for p in twin.parts
+    }
+    return lambda frame: {k: states[frame] for k, states in known.items() if frame in states}

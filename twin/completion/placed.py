@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from twin import geometry as geo
+from twin.contacts import moved_contact
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
-from twin.scene import Box, Collision, ContactPath, HandleSection, Inertial, Mesh, Part, Twin
+from twin.scene import Collision, HandleSection, Inertial, Part, Twin
 
 
 def placed(twin: Twin, T_new_old: Array) -> Twin:
@@ -24,7 +25,7 @@ def placed(twin: Twin, T_new_old: Array) -> Twin:
             mesh=part.mesh.transformed(T_new_old),
             joint=part.joint.transformed(T_new_old),
             inertial=None if part.inertial is None else _inertial(part.inertial, T_new_old),
-            contact=None if part.contact is None else _contact(part.contact, T_new_old),
+            contact=None if part.contact is None else moved_contact(part.contact, T_new_old),
             handle=None if part.handle is None else _handle(part.handle, T_new_old),
             collision=_shapes(part.collision, T_new_old),
             completion=None if part.completion is None else _completion(part.completion, T_new_old),
@@ -44,18 +45,8 @@ def placed(twin: Twin, T_new_old: Array) -> Twin:
     )
 
 
-def _shape(shape: Collision, T: Array) -> Collision:
-    return shape.transformed(T) if isinstance(shape, Mesh) else Box(_rigid(T @ shape.T_world_box), shape.size)
-
-
 def _shapes(shapes: tuple[Collision, ...], T: Array) -> tuple[Collision, ...]:
-    return tuple(_shape(s, T) for s in shapes)
-
-
-def _rigid(pose: Array) -> Array:
-    """The pose with its rotation orthonormal to the last digit, as products are not."""
-    u, _, v = np.linalg.svd(pose[:3, :3])
-    return geo.make_pose(u @ v, pose[:3, 3])
+    return tuple(s.transformed(T) for s in shapes)
 
 
 def _completion(layer: Completion, T: Array) -> Completion:
@@ -66,9 +57,7 @@ def _completion(layer: Completion, T: Array) -> Completion:
         shown=layer.shown.transformed(T),
         pieces=tuple(piece(p) for p in layer.pieces),
         collision=_shapes(layer.collision, T),
-        interiors=tuple(
-            Interior(i.name, Box(_rigid(T @ i.box.T_world_box), i.box.size)) for i in layer.interiors
-        ),
+        interiors=tuple(Interior(i.name, i.box.transformed(T)) for i in layer.interiors),
         room=None if layer.room is None else layer.room.transformed(T),
         room_collision=_shapes(layer.room_collision, T),
         kind=layer.kind,
@@ -92,8 +81,3 @@ def _inertial(inertial: Inertial, T: Array) -> Inertial:
 
 def _handle(handle: HandleSection, T: Array) -> HandleSection:
     return replace(handle, middle=geo.transform(T, handle.middle[None])[0])
-
-
-def _contact(contact: ContactPath, T: Array) -> ContactPath:
-    rotation = _rigid(geo.make_pose(T[:3, :3] @ contact.rotation))[:3, :3]
-    return replace(contact, point=geo.transform(T, contact.point[None])[0], rotation=rotation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,13 +18,15 @@ class MovingPart:
 
     id: label id, from 2. joint: in the world frame of the cameras; state 0 is the pose at the first frame
     (which end is closed is decided later). motion: one state for every frame with a known camera, rest frames
-    included. windows: first and last frames of the times in which it was handled; none: all frames.
+    included. windows: first and last frames of the times in which it was handled; none: all frames. carrier:
+    the part that it is mounted on, at whose state 0 joint stands in the world; None for the static scene.
     """
 
     id: int
     joint: Joint
     motion: Motion
     windows: tuple[tuple[int, int], ...] = ()
+    carrier: MovingPart | None = None
 
     def __post_init__(self) -> None:
         if self.id < FIRST_PART_ID:
@@ -31,7 +34,13 @@ class MovingPart:
 
     def moved(self, T: Array) -> MovingPart:
         """The same part in a world into which T (4, 4) brings this one's points."""
-        return replace(self, joint=self.joint.transformed(T))
+        carrier = None if self.carrier is None else self.carrier.moved(T)
+        return replace(self, joint=self.joint.transformed(T), carrier=carrier)
+
+    def standing(self, frame: int) -> MovingPart:
+        """The part on its carrier as that stands in a frame: a part of the static scene."""
+        T = None if self.carrier is None else self.carrier.pose(frame)
+        return self if T is None else replace(self, joint=self.joint.transformed(T), carrier=None)
 
     @property
     def handled_states(self) -> Array:
@@ -42,6 +51,11 @@ class MovingPart:
         inside = np.logical_or.reduce([(frames >= a) & (frames <= b) for a, b in self.windows])
         return self.motion.state[inside]
 
+    @property
+    def handled_first(self) -> int:
+        """The first frame in which somebody moves it."""
+        return self.motion.intervals[0][0] if self.motion.intervals else int(self.motion.frames[0])
+
     def state(self, frame: int) -> float | None:
         """State at a recording frame, None when that frame has no estimate."""
         k = int(np.searchsorted(self.motion.frames, frame))
@@ -51,4 +65,12 @@ class MovingPart:
     def pose(self, frame: int) -> Array | None:
         """T_world_part (4, 4): from state 0 to the world at a recording frame; None without an estimate."""
         state = self.state(frame)
-        return None if state is None else self.joint.pose(state)
+        if state is None or self.carrier is None:
+            return None if state is None else self.joint.pose(state)
+        carried = self.carrier.pose(frame)
+        return None if carried is None else carried @ self.joint.pose(state)
+
+    def pose_at(self, states: Mapping[int, float]) -> Array:
+        """T_world_part (4, 4) in states by part id."""
+        own = self.joint.pose(states[self.id])
+        return own if self.carrier is None else self.carrier.pose_at(states) @ own
