@@ -5,6 +5,7 @@ It takes the place of what the stages would choose. It proves nothing: verdicts 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Literal
@@ -97,6 +98,31 @@ def up_direction(up: Up) -> Array:
     if isinstance(up, str):
         return np.asarray((1.0 if up[0] == "+" else -1.0) * np.eye(3)["xyz".index(up[1])])
     return np.asarray(up) / np.linalg.norm(up)
+
+
+def frames_said(
+    recording: Recording,
+    at: Sequence[tuple[int, int, int | float]],
+    intervals: Sequence[tuple[int | float, ...]],
+) -> dict[str, list[list[int]]]:
+    """`at` and `intervals` of `Said` in frames, where a float is a time in s from the first frame.
+
+    Raises InputError for a time beyond the recording.
+    """
+    times = np.asarray(recording.times) - recording.times[0]
+
+    def frame(moment: int | float) -> int:
+        if isinstance(moment, int):
+            return moment
+        if moment > times[-1]:
+            problem = f"{moment:g}s: the recording ends after {times[-1]:.1f} s"
+            raise InputError(problem, "say a time of it, from its first frame on")
+        return int(np.argmin(np.abs(times - moment)))
+
+    return {
+        "at": [[x, y, frame(moment)] for x, y, moment in at],
+        "intervals": [[frame(moment) for moment in ends] for ends in intervals],
+    }
 
 
 def require_said(said: Said, recording: Recording) -> None:

@@ -102,8 +102,8 @@ def reconstruct(
     recording: Path,
     out: Path,
     type_hint: str | None,
-    at: Sequence[tuple[int, ...]],
-    intervals: Sequence[tuple[int, ...]],
+    at: Sequence[tuple[int, int, int | float]],
+    intervals: Sequence[tuple[int | float, ...]],
     types: Sequence[str],
     up: str | tuple[float, ...] | None,
     config: Path | None,
@@ -113,10 +113,12 @@ def reconstruct(
     """Recording to twin. opening: of `recon.open_recording`."""
     require_run(out)
     data, where = given.given_settings(config, set)
-    given.put(data, "said", {"at": at, "intervals": intervals, "types": types, "up": up})
     from recon.readers import open_recording
 
     opened = open_recording(recording, **opening)
+    from recon.recording.said import frames_said
+
+    given.put(data, "said", {**frames_said(opened, at, intervals), "types": types, "up": up})
     from recon.config import ReconConfig  # imports what takes seconds
 
     settings = from_dict(ReconConfig, data, where if config or set else "options")

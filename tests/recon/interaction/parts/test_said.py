@@ -21,6 +21,7 @@ from recon.interaction.parts.config import MotionConfig
 from recon.interaction.parts.find_parts import FoundParts, find_parts
 from recon.interaction.parts.said_parts import outside
 from recon.pipeline import _provenance, _run
+from recon.readers import open_recording
 from recon.recording import Intrinsics, Recording
 from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
@@ -318,6 +319,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "--at 0,0@3: there is no depth at this pixel; say another one; the nearest with depth is 0,5",
         ),
         ("--interval 9:3", "'9:3' is no interval"),
+        ("--interval 2s:1.5s", "'2s:1.5s' is no interval"),
+        ("--interval 2:3.5s", "'2:3.5s' is no interval"),
+        ("--at 3,4@99.5s", "99.5s: the recording ends after "),
         ("--interval 3:30", "--interval 3:30: the recording has frames 0..29"),
         ("--at 40,30@3 --at 41,30@3 --interval 3:9", "must be one for each of 2 points"),
         ("--type ball", "invalid choice: 'ball'"),
@@ -351,13 +355,16 @@ def test_the_command_line_says_it_as_python_does(
 
     monkeypatch.setattr(pipeline, "reconstruct", stop)
     (tmp_path / "c.toml").write_text(to_toml(ReconConfig(said=replace(SAID, up="+z"))))
+    times = open_recording(folder).times
+    times = np.asarray(times) - times[0]
     start = ["reconstruct", str(folder), "-o", str(tmp_path / "run")]
     for options in (
         "--at 31,40@5 --interval 3:28 --type hinge --up 0,-1,0.25",
+        f"--at 31,40@{times[5] + 0.01}s --interval {times[3]}s:{times[28]:.3f}s --type hinge --up 0,-1,0.25",
         f"--config {tmp_path / 'c.toml'} --up 0,-1,0.25",
         f"--config {tmp_path / 'c.toml'}",
         "--up -y",
     ):
         with pytest.raises(Done):
             cli.run([*start, *options.split()])
-    assert heard == [SAID, SAID, replace(SAID, up="+z"), Said(up="-y")]
+    assert heard == [SAID, SAID, SAID, replace(SAID, up="+z"), Said(up="-y")]
