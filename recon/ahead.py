@@ -16,7 +16,7 @@ from recon.readers import open_recording
 from recon.recording import Recording
 from recon.recording.decoded import decoded_beside
 from twin.interrupt import spared
-from twin.runs.attached import AttachedRun, NotComputedError
+from twin.runs.attached import AttachedRun, NotComputedError, ends_with
 from twin.runs.chain import Chain
 from twin.runs.stages import StageResult
 from twin.runs.threads import threads
@@ -107,6 +107,7 @@ def _stored(
 def _solve(place: _Place, solve: Solve[Item], item: Item) -> dict[str, str]:
     """In a process of its own: the stages that it computed, each with the reason."""
     run = place.run(computes=True, owner=place.owner)
-    with decoded_beside(open_recording(place.path, **place.opened_with), place.folder) as recording:
+    recording = open_recording(place.path, **place.opened_with)
+    with ends_with(place.owner), decoded_beside(recording, place.folder) as recording:
         solve(Chain(run, place.config), recording, [run.read(name) for name in place.reads], item)
     return run.computed

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any, TypeVar
 
 from twin.errors import FuntwinError
@@ -12,6 +14,10 @@ from twin.runs.codec import Codec, TreeCodec
 from twin.runs.stages import Run, StageResult
 
 T = TypeVar("T")
+
+
+# s after which a process notices that the one that started it has ended
+_NOTICED_S = 1.0
 
 
 class NotComputedError(FuntwinError):
@@ -67,3 +73,20 @@ class AttachedRun(Run):
 
     def _write_manifest(self) -> None:
         pass
+
+
+@contextmanager
+def ends_with(owner: int) -> Iterator[None]:
+    """Within, this process ends soon after the one that started it, by its id: it may have been killed."""
+    over = Event()
+
+    def watch() -> None:
+        while not over.wait(_NOTICED_S):
+            if os.getppid() != owner:
+                os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        over.set()

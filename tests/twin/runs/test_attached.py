@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -72,3 +74,24 @@ def test_nothing_is_stored_once_the_run_has_ended(tmp_path: Path) -> None:
         with pytest.raises(SystemExit):
             solve(orphan, before, ITEMS[0])
     assert [p.name for p in (tmp_path / "stages").iterdir()] == ["01_map"]
+
+
+WORKER = """
+import os, sys, time
+from twin.runs.attached import ends_with
+with ends_with(os.getppid()):
+    print("begun", flush=True)
+    time.sleep(20)
+    print("done", flush=True)
+"""
+STARTER = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {WORKER!r}])"
+
+
+def test_a_worker_ends_with_the_run_that_was_killed() -> None:
+    """Its work would take the cores of the run that goes on."""
+    with subprocess.Popen([sys.executable, "-c", STARTER], stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == "begun\n"
+        run.kill()
+        run.wait()
+        assert run.stdout.read() == ""  # up to the end of the worker, which holds the other end
