@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recon.interaction.interaction import Interaction, cameras_of, frames_of
 from recon.interaction.parts.found import FoundParts
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.carried import on_carriers
 from recon.merge.same_part import Surface, match, surface_of
+from recon.merge.standing import Standing, states_standing
 from recon.recording import Recording
 from twin.geometry import Array
 from twin.joint import Joint, JointSigma, turned_covariance
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MERGE = Stage("merge", 2, ())
+MERGE = Stage("merge", 3, ())
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,11 @@ def merge(recording: Recording, cameras: Trajectory, interactions: Sequence[Inte
         for part in interaction.parts:
             surface = surface_of(part, part_of, its_cameras, interaction.labels)
             _gather(found, number, part, surface)
+    known = [_known(g, interactions) for g in found]
+    standing = [Standing(g.joint, g.surface, k) for g, k in zip(found, known, strict=True)]
+    states = states_standing(standing, recording, cameras)
     parts = tuple(
-        _over_all(FIRST_PART_ID + k, g, recording, cameras, interactions) for k, g in enumerate(found)
+        _over_all(FIRST_PART_ID + k, g, states[k], recording, interactions) for k, g in enumerate(found)
     )
     parts, surfaces = on_carriers(parts, [g.surface for g in found])
     return Merged(parts, tuple(g.shares for g in found), tuple(s.points for s in surfaces))
@@ -112,49 +115,44 @@ def combined(joint: Joint, other: Joint, surface: Surface) -> Joint:
     return replace(moved, sigma=JointSigma.of(moved.covariance, max(states, default=0.0)))
 
 
-def _over_all(
-    number: int, g: _Gathered, recording: Recording, cameras: Trajectory, interactions: Sequence[Interaction]
-) -> MovingPart:
-    """The part with a state in every posed frame: as an interaction has it, held in between.
-
-    Frames between two interactions have none where the later one found it in another state than it was left.
-    """
-    frames, states, spans, residuals, inliers = [], [], [], [], []
+def _known(g: _Gathered, interactions: Sequence[Interaction]) -> dict[int, float]:
+    """Frames of the recording -> states, as the part's interactions have them."""
+    out: dict[int, float] = {}
     for share in g.shares:
-        interaction = interactions[share.interaction]
-        motion = next(p.motion for p in interaction.parts if p.id == share.id)
-        first = interaction.window.first
-        frames.append(motion.frames + first)
-        states.append(share.sign * motion.state + share.offset)
-        spans += [(a + first, b + first) for a, b in motion.intervals]
-        residuals.append(motion.residual)
-        inliers.append(motion.inliers)
-    unknown = [
-        (int(before[-1]), int(after[0]))
-        for before, after, share in zip(frames, frames[1:], g.shares[1:], strict=False)
-        if not share.as_left
-    ]
-    known = np.concatenate(frames)
-    held = np.array([f for f in cameras.frames if not any(a < f < b for a, b in unknown)], np.int64)
-    state = _held(held, known, np.concatenate(states))
-    lower, upper = float(np.min(state)), float(np.max(state))
+        motion, first = _motion(share, interactions)
+        states = share.sign * motion.state + share.offset
+        out |= dict(zip((motion.frames + first).tolist(), states.tolist(), strict=True))
+    return out
+
+
+def _motion(share: Share, interactions: Sequence[Interaction]) -> tuple[Motion, int]:
+    """A part's motion in an interaction, whose frames count from the second result."""
+    interaction = interactions[share.interaction]
+    return next(p.motion for p in interaction.parts if p.id == share.id), interaction.window.first
+
+
+def _over_all(
+    number: int,
+    g: _Gathered,
+    states: Mapping[int, float],
+    recording: Recording,
+    interactions: Sequence[Interaction],
+) -> MovingPart:
+    """The part with states by frame of the recording."""
+    frames = np.array(sorted(states), np.int64)
+    state = np.array([states[f] for f in frames.tolist()])
+    motions = [_motion(share, interactions) for share in g.shares]
     motion = Motion(
-        held,
-        np.asarray(recording.times)[held],
+        frames,
+        np.asarray(recording.times)[frames],
         state,
-        tuple(sorted(spans)),
-        float(np.mean(residuals)),
-        float(np.mean(inliers)),
+        tuple(sorted((a + first, b + first) for m, first in motions for a, b in m.intervals)),
+        float(np.mean([m.residual for m, _ in motions])),
+        float(np.mean([m.inliers for m, _ in motions])),
     )
-    joint = replace(g.joint, lower=min(lower, 0.0), upper=max(upper, 0.0))
+    joint = replace(g.joint, lower=min(float(state.min()), 0.0), upper=max(float(state.max()), 0.0))
     windows = tuple((w.first, w.last) for w in (interactions[s.interaction].window for s in g.shares))
     return MovingPart(number, joint, motion, windows)
-
-
-def _held(frames: NDArray[np.int64], known: NDArray[np.int64], states: Array) -> Array:
-    """The states (n,) of frames: the known one, else the last one known before, else the first one."""
-    at = np.maximum(np.searchsorted(known, frames, side="right") - 1, 0)
-    return np.asarray(states[at])
 
 
 def as_merged(interaction: Interaction, number: int, merged: Merged) -> Interaction:

@@ -34,7 +34,7 @@ _AS_LEFT = 0.85
 # Of the best overlap: of such states that with the nearest surfaces is taken.
 _ALIKE = 0.95
 # Steps of the states that are tried, rad and m.
-_STEP = {"revolute": float(np.radians(2.0)), "prismatic": 0.01}
+STEP = {"revolute": float(np.radians(2.0)), "prismatic": 0.01}
 # Frames whose pixels make a part's surface, and labelled pixels left out between two.
 _FRAMES = 12
 _EVERY = 3
@@ -116,7 +116,7 @@ def match(known: Joint, surface: Surface, left: float, other: Joint, its: Surfac
             return None
     sign = float(np.sign(known.axis @ other.axis))
     span = max(other.upper - other.lower, known.upper - known.lower)
-    step = _STEP[known.kind]
+    step = STEP[known.kind]
     tried = np.arange(known.lower - span, known.upper + span + step, step)
     as_left, _ = surface.lies_on(its, known.pose(left))
     seen = np.array(list(each(lambda s: surface.lies_on(its, known.pose(float(s))), tried.tolist())))

@@ -31,8 +31,10 @@ class Visit:
     sign: float = 1.0
 
 
-def visits_of(visits: Sequence[Visit], gap: int = 0) -> tuple[Recording, Trajectory, tuple[Interaction, ...]]:
-    """One recording of the visits, `gap` frames apart in which the first frame is seen again."""
+def visits_of(
+    visits: Sequence[Visit], gap: int = 0, dark: bool = False
+) -> tuple[Recording, Trajectory, tuple[Interaction, ...]]:
+    """One recording of the visits, with `gap` frames after each that show its last one, or nothing: dark."""
     depth, color, poses, interactions = [], [], [], []
     for visit in visits:
         clip, n = visit.clip, len(visit.clip.recording)
@@ -44,7 +46,7 @@ def visits_of(visits: Sequence[Visit], gap: int = 0) -> tuple[Recording, Traject
         poses += [T @ clip.cameras.T_world_cam[k] for k in order]
         interactions.append(_interaction(visit, first, order, T))
         for _ in range(gap):
-            depth.append(depth[-1])
+            depth.append(np.zeros_like(depth[-1]) if dark else depth[-1])
             color.append(color[-1])
             poses.append(poses[-1])
     recording = Recording.from_arrays(

@@ -62,7 +62,7 @@ def test_equal_fronts_of_a_row_stay_apart(kind: str, away: tuple[float, float, f
 
 def test_what_somebody_closed_meanwhile_is_one_part_with_a_gap() -> None:
     clip = make_clip("drawer")
-    recording, cameras, found = visits_of([Visit(clip), Visit(clip)], gap=8)
+    recording, cameras, found = visits_of([Visit(clip), Visit(clip)], gap=8, dark=True)
     merged = merge(recording, cameras, found)
     (part,), (shares,) = merged.parts, merged.shares
     assert not shares[1].as_left

@@ -1,0 +1,147 @@
+"""In which state a part stands while nobody handles it, as far as frames show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.looks import SAME, THROUGH, look
+from recon.merge.same_part import STEP, Surface
+from recon.recording import Recording
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.joint import Joint
+from twin.runs.threads import each
+from twin.scene import Trajectory
+
+# s between the frames that are asked, and cells of a part that are asked for. Chosen by us.
+_EVERY_S = 0.5
+_CELLS = 300
+# m by which depth may differ from a surface that stands there: a cell, and drift of the cameras over a walk.
+_GATE_M = 0.03
+# Share of the cells of which a frame must tell. Chosen by us.
+_IN_VIEW = 0.4
+# Of the cells that no nearer thing hides, those that may be seen through; of all, those that must be there,
+# of a state that is known and of one that nobody told. Chosen by us.
+_THROUGH, _SOME, _MUCH = 0.2, 0.25, 0.4
+# Share of cells by which a state may be worse than the best one and as likely. Chosen by us.
+_ALIKE = 0.05
+# rad and m that states as likely may differ by, and those told by two frames in a row. Chosen by us.
+_SPREAD = {"revolute": float(np.radians(8.0)), "prismatic": 0.06}
+_SAME = {"revolute": float(np.radians(4.0)), "prismatic": 0.02}
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A part's joint, its surface at state 0, and frames -> states in which its interactions show it."""
+
+    joint: Joint
+    surface: Surface
+    known: Mapping[int, float]
+
+    def candidates(self) -> Array:
+        """States (s,) in which it may stand: its range, and as much on either side."""
+        states = list(self.known.values())
+        low, high = min(states), max(states)
+        span = high - low
+        if self.joint.kind == "revolute":
+            span = min(span, np.pi / 2)
+        return np.arange(low - span, high + span + STEP[self.joint.kind], STEP[self.joint.kind])
+
+    def asked(self) -> Array:
+        """Some cells (n, 3) of its surface."""
+        points = self.surface.points
+        return points[np.unique(np.linspace(0, len(points) - 1, min(_CELLS, len(points))).astype(int))]
+
+
+def states_standing(
+    parts: Sequence[Standing], recording: Recording, cameras: Trajectory
+) -> list[dict[int, float]]:
+    """Frames -> states of each part, also between and beside its interactions.
+
+    Frames in between that show it are asked; a part keeps its state from one frame that tells it to the next
+    that tells the same. Between two that tell different ones somebody moved it, and no state is told.
+    """
+    frames = _asked(cameras)
+    told = list(each(lambda f: [_told(p, f, recording, cameras) for p in parts], frames))
+    out = []
+    for k, part in enumerate(parts):
+        seen = {f: s for f, row in zip(frames, told, strict=True) if (s := row[k]) is not None}
+        out.append(_held(part, _confirmed(part, seen), cameras.frames.tolist()))
+    return out
+
+
+def _asked(cameras: Trajectory) -> list[int]:
+    """Frames `_EVERY_S` apart."""
+    out: list[int] = []
+    last = -np.inf
+    for frame, time in zip(cameras.frames.tolist(), cameras.times.tolist(), strict=True):
+        if time - last >= _EVERY_S:
+            out.append(int(frame))
+            last = time
+    return out
+
+
+def _told(part: Standing, frame: int, recording: Recording, cameras: Trajectory) -> float | None:
+    """The state in which a frame shows a part; that in which an interaction left or found it if it fits."""
+    T_world_cam, points = cameras.pose(frame), part.asked()
+    if frame in part.known or T_world_cam is None or not len(points):
+        return None
+    beside = _beside(part, frame)
+    states = np.concatenate([beside, part.candidates()])
+    camera, depth = recording.intrinsics, np.ascontiguousarray(recording.depth(frame), np.float32)
+    T_cam_world = geo.invert_pose(T_world_cam)
+    poses = T_cam_world @ part.joint.poses(states)
+    same, through = np.zeros(len(states)), np.zeros(len(states))
+    for k, pose in enumerate(poses):
+        seen = look(points, pose, depth, camera.fx, camera.fy, camera.cx, camera.cy, _GATE_M, 0.0)
+        count = int((seen > 0).sum())
+        if count >= _IN_VIEW * len(points):
+            same[k], through[k] = (float((seen == what).sum()) / count for what in (SAME, THROUGH))
+    stands = through <= _THROUGH * (same + through)
+    for k, state in enumerate(beside.tolist()):
+        if stands[k] and same[k] >= _SOME:
+            return float(state)
+    score = np.where(stands & (same >= _MUCH), same - through, -1.0)
+    best = float(score.max())
+    alike = states[score >= best - _ALIKE]
+    told = best > 0 and np.ptp(alike) <= _SPREAD[part.joint.kind]
+    return float(np.median(alike)) if told else None
+
+
+def _beside(part: Standing, frame: int) -> Array:
+    """The states (1 or 2,) known last before and first after a frame."""
+    frames = np.array(sorted(part.known))
+    at = int(np.searchsorted(frames, frame))
+    return np.array([part.known[int(f)] for f in frames[max(at - 1, 0) : at + 1]])
+
+
+def _confirmed(part: Standing, seen: Mapping[int, float]) -> dict[int, float]:
+    """States told by frames without those of which the frames before and after tell nothing like."""
+    frames, same = sorted(seen), _SAME[part.joint.kind]
+    out = {}
+    for k, f in enumerate(frames):
+        near = [seen[g] for g in frames[max(k - 1, 0) : k + 2] if g != f] + _beside(part, f).tolist()
+        if any(abs(seen[f] - s) <= same for s in near):
+            out[f] = seen[f]
+    return out
+
+
+def _held(part: Standing, seen: Mapping[int, float], frames: Iterable[int]) -> dict[int, float]:
+    """The states of frames: as known or told, kept between two that tell the same."""
+    same, told = _SAME[part.joint.kind], {**seen, **part.known}
+    anchors = sorted(told)
+    ends = [(-1, anchors[0]), *pairwise(anchors), (anchors[-1], None)]
+    out: dict[int, float] = {}
+    wanted: NDArray[np.int64] = np.array(sorted(frames), np.int64)
+    for before, after in ends:
+        inside = wanted[(wanted > before) & (wanted < (np.inf if after is None else after))].tolist()
+        if after is None or before < 0:
+            out |= dict.fromkeys(inside, told[anchors[0] if before < 0 else before])
+        elif abs(told[before] - told[after]) <= same:
+            out |= dict.fromkeys(inside, told[before])
+    return out | {f: told[f] for f in wanted.tolist() if f in told}

@@ -1,0 +1,54 @@
+"""States of a part in frames in which nobody handles it: as these frames show it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from recon.interaction.interaction import Interaction
+from recon.merge.merge import merge
+from recon.recording import Recording
+from tests.makers.recon.cabinets import Clip, make_clip
+from tests.makers.recon.visits import Visit, visits_of
+from twin.scene import Trajectory
+
+# Within a step of the states that are tried.
+NEAR = {"door": float(np.radians(2.1)), "drawer": 0.011}
+
+
+def one_found(clip: Clip, number: int) -> tuple[Recording, Trajectory, tuple[Interaction, ...]]:
+    """The part is opened, closed, and opened again; one of the three is found."""
+    visits = [Visit(clip), Visit(clip, back=True), Visit(clip)]
+    recording, cameras, found = visits_of(visits, gap=20)
+    return recording, cameras, (found[number],)
+
+
+@pytest.mark.parametrize("kind", ["door", "drawer"])
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_what_was_moved_in_a_time_that_could_not_be_solved_is_where_frames_show_it(
+    kind: str, number: int
+) -> None:
+    clip = make_clip(kind)  # type: ignore[arg-type]
+    recording, cameras, found = one_found(clip, number)
+    (part,) = merge(recording, cameras, found).parts
+    n, travel = len(clip.recording), clip.part.motion.state
+    start = {0: 0.0, 1: travel[-1], 2: 0.0}[
+        number
+    ]  # its states count from the first frame of its interaction
+    true = np.concatenate(
+        [travel, np.full(20, travel[-1]), travel[::-1], np.zeros(20), travel, np.full(20, travel[-1])]
+    )
+    rests = [*range(n, n + 20), *range(2 * n + 20, 2 * n + 40), *range(3 * n + 40, 3 * n + 60)]
+    told = {f: s for f in rests if (s := part.state(f)) is not None}
+    assert len(told) > 0.5 * len(rests)
+    for frame, state in told.items():
+        assert state + start == pytest.approx(true[frame], abs=NEAR[kind]), frame
+
+
+def test_no_state_is_told_between_two_frames_that_show_different_ones() -> None:
+    clip = make_clip("drawer")
+    recording, cameras, found = one_found(clip, 0)
+    (part,) = merge(recording, cameras, found).parts
+    n = len(clip.recording)
+    closing = range(n + 20, 2 * n + 20)
+    assert sum(part.state(f) is None for f in closing) > 0.3 * n
