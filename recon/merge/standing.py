@@ -91,22 +91,28 @@ def _told(part: Standing, frame: int, recording: Recording, cameras: Trajectory)
     T_world_cam, points = cameras.pose(frame), part.asked()
     if frame in part.known or T_world_cam is None or not len(points):
         return None
-    beside = _beside(part, frame)
-    states = np.concatenate([beside, part.candidates()])
     camera, depth = recording.intrinsics, np.ascontiguousarray(recording.depth(frame), np.float32)
     T_cam_world = geo.invert_pose(T_world_cam)
-    poses = T_cam_world @ part.joint.poses(states)
-    same, through = np.zeros(len(states)), np.zeros(len(states))
-    for k, pose in enumerate(poses):
-        seen = look(points, pose, depth, camera.fx, camera.fy, camera.cx, camera.cy, _GATE_M, 0.0)
-        count = int((seen > 0).sum())
-        if count >= _IN_VIEW * len(points):
-            same[k], through[k] = (float((seen == what).sum()) / count for what in (SAME, THROUGH))
-    stands = through <= _THROUGH * (same + through)
-    for k, state in enumerate(beside.tolist()):
-        if stands[k] and same[k] >= _SOME:
-            return float(state)
-    score = np.where(stands & (same >= _MUCH), same - through, -1.0)
+
+    def shares(states: Array) -> tuple[Array, Array]:
+        """Of the cells in view, those that are there and those that are seen through, in each state."""
+        same, through = np.zeros(len(states)), np.zeros(len(states))
+        for k, pose in enumerate(T_cam_world @ part.joint.poses(states)):
+            seen = look(points, pose, depth, camera.fx, camera.fy, camera.cx, camera.cy, _GATE_M, 0.0)
+            count = int((seen > 0).sum())
+            if count >= _IN_VIEW * len(points):
+                same[k], through[k] = (float((seen == what).sum()) / count for what in (SAME, THROUGH))
+        return same, through
+
+    def stands(same: Array, through: Array, least: float) -> NDArray[np.bool_]:
+        return (same >= least) & (through <= _THROUGH * (same + through))
+
+    beside, states = _beside(part, frame), part.candidates()
+    fitting = beside[stands(*shares(beside), _SOME)]
+    if len(fitting):
+        return float(fitting[0])
+    same, through = shares(states)
+    score = np.where(stands(same, through, _MUCH), same - through, -1.0)
     best = float(score.max())
     alike = states[score >= best - _ALIKE]
     told = best > 0 and np.ptp(alike) <= _SPREAD[part.joint.kind]

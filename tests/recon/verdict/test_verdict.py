@@ -66,7 +66,6 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., P
     "contradicted": (of_video.contradicted, lambda e, _, x: with_places(e, contradicted=x), of_video.CONTRADICTED, "up", "doubtful"),
     "contradicted, most": (of_video.contradicted, lambda e, _, x: with_places(e, contradicted=x), of_video.CONTRADICTED_REFUSED, "up", "refused"),
     "border": (of_video.ends_at_edges, lambda e, _, x: with_border(e, x), of_video.BARE, "up", "doubtful"),
-    "border, most": (of_video.ends_at_edges, lambda e, _, x: with_border(e, x), of_video.BARE_REFUSED, "up", "refused"),
     "turn": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN_DOUBTFUL, "down", "doubtful"),
     "turn, none": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN_REFUSED, "down", "refused"),
     "way": (of_parts.far_enough, lambda e, _, x: ranging(e, x, Prismatic), of_parts.SLIDE_DOUBTFUL, "down", "doubtful"),

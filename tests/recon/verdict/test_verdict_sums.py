@@ -37,9 +37,9 @@ def doubted(clip: Clip, times: int) -> PartEvidence:
 
 
 @pytest.mark.parametrize(
-    ("times", "level"), [(0, "trusted"), (1, "doubtful"), (2, "doubtful"), (3, "refused"), (4, "refused")]
+    ("times", "level"), [(0, "trusted"), (1, "doubtful"), (3, "doubtful"), (4, "refused")]
 )
-def test_two_doubts_are_doubts_and_three_refuse(times: int, level: str, clip: Clip) -> None:
+def test_three_doubts_are_doubts_and_four_refuse(times: int, level: str, clip: Clip) -> None:
     verdict = verdict_on(doubted(clip, times))
     assert verdict.level == level
     assert sum(r.level == "doubtful" for r in verdict.reasons) == times
@@ -58,8 +58,8 @@ def test_what_is_refused_for_itself_is_not_refused_for_its_doubts(clip: Clip) ->
 
 def test_what_a_missed_part_makes_wrong_is_one_doubt(clip: Clip) -> None:
     """Resting hand, idle hand, another depth at rest and a static scene that is seen through; together with
-    one doubt they don't refuse."""
-    for times, level in ((1, "doubtful"), (2, "refused")):
+    two doubts they don't refuse."""
+    for times, level in ((2, "doubtful"), (3, "refused")):
         e = doubted(clip, times)
         scene = copy(e.scene)
         told = {
@@ -77,8 +77,8 @@ def test_what_a_missed_part_makes_wrong_is_one_doubt(clip: Clip) -> None:
 
 
 def test_what_a_short_motion_leaves_unsure_is_one_doubt(clip: Clip) -> None:
-    """Axis, hinge and range by one fit; together with one other doubt they don't refuse, with two they do."""
-    for times, level in ((2, "doubtful"), (3, "refused")):
+    """Axis, hinge and range by one fit; with two other doubts they don't refuse, with three they do."""
+    for times, level in ((3, "doubtful"), (4, "refused")):
         e = doubted(clip, times)
         sigma: Any = e.part.joint.sigma
         sigma = replace(sigma, axis=np.radians(1.5), state=(e.part.joint.upper - e.part.joint.lower) / 30)
@@ -87,7 +87,7 @@ def test_what_a_short_motion_leaves_unsure_is_one_doubt(clip: Clip) -> None:
         assert sum(r.type in OF_THE_FIT for r in verdict.reasons) == 3
         assert verdict.level == level
     assert verdict.main.type == "ManyDoubts"
-    assert verdict.main.numbers["count"] == 3
+    assert verdict.main.numbers["count"] == 4
 
 
 def judged_beside(clip: Clip, frames: int) -> Judged:
