@@ -128,6 +128,7 @@ class _Told:
         told: list[tuple[MovingPart, Mesh | None]] = [
             (during(part, window), mesh) for part, mesh in (written.get(p.id, (p, None)) for p in self.parts)
         ]
+        told = [(part, mesh) for part, mesh in told if part.id in handled or part.is_somewhere]
         recording, cameras = frames_of(self.recording, window), cameras_of(self.cameras, window)
         labels = {f - window.first: i for f, i in self.labels.items() if window.first <= f <= window.last}
         scene = SceneEvidence(recording, cameras, labels, found, self.fused.static, told)

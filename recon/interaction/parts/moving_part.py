@@ -11,6 +11,9 @@ from twin.errors import SceneError
 from twin.geometry import Array
 from twin.scene import FIRST_PART_ID, Joint, Motion
 
+# rad and m by which a state is beyond others: more than those of frames between windows err by. Chosen by us.
+_BEYOND = {"revolute": float(np.radians(2.5)), "prismatic": 0.012}
+
 
 @dataclass(frozen=True, eq=False)
 class MovingPart:
@@ -44,12 +47,18 @@ class MovingPart:
 
     @property
     def handled_states(self) -> Array:
-        """States (n,) in the frames of its windows: elsewhere it only stands."""
+        """States (n,) in the frames of its windows; of others those clearly beyond: it stood there."""
         if not self.windows:
             return self.motion.state
-        frames = self.motion.frames
+        frames, state, beyond = self.motion.frames, self.motion.state, _BEYOND[self.joint.kind]
         inside = np.logical_or.reduce([(frames >= a) & (frames <= b) for a, b in self.windows])
-        return self.motion.state[inside]
+        low, high = state[inside].min() - beyond, state[inside].max() + beyond
+        return state[inside | (state < low) | (state > high)]
+
+    @property
+    def is_somewhere(self) -> bool:
+        """Whether it has a state in any frame, and so has its carrier."""
+        return len(self.motion.frames) > 0 and (self.carrier is None or self.carrier.is_somewhere)
 
     @property
     def handled_first(self) -> int:

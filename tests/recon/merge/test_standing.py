@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,17 @@ def test_no_state_is_told_between_two_frames_that_show_different_ones() -> None:
     n = len(clip.recording)
     closing = range(n + 20, 2 * n + 20)
     assert sum(part.state(f) is None for f in closing) > 0.3 * n
+
+
+@pytest.mark.parametrize("kind", ["door", "drawer"])
+def test_where_it_stands_between_visits_belongs_to_its_range(kind: str) -> None:
+    """The interaction that is found begins when the part is ajar; frames before show it closed."""
+    clip = make_clip(kind)  # type: ignore[arg-type]
+    recording, cameras, (first, _) = visits_of([Visit(clip), Visit(clip, back=True)], gap=20)
+    n, travel = len(clip.recording), clip.part.motion.state
+    (part,) = merge(recording, cameras, (first,)).parts
+    states = part.handled_states
+    assert np.ptp(states) == pytest.approx(travel[-1], abs=NEAR[kind])
+    ajar = replace(part, windows=((n // 2, n - 1),))
+    assert np.ptp(ajar.motion.state[n // 2 : n]) < 0.8 * travel[-1]
+    assert np.ptp(ajar.handled_states) == pytest.approx(travel[-1], abs=2 * NEAR[kind])

@@ -135,3 +135,22 @@ def test_what_moves_together_with_a_doubtful_part_is_doubtful(level: Level, clip
     verdicts = _beside_doubted((one, other), {one.id: Verdict(()), other.id: Verdict(doubt)})
     assert verdicts[one.id].level == ("trusted" if level == "trusted" else "doubtful")
     assert verdicts[other.id] == Verdict(doubt)
+
+
+def test_a_part_whose_state_nobody_knows_in_a_window_stands_nowhere_there(clip: Clip) -> None:
+    """It was moved in a time that could not be solved: what is handled meanwhile is judged without it."""
+    e = perfect(clip)
+    lost = replace(
+        e.part.motion, frames=np.zeros(0, np.int64), times=np.zeros(0), state=np.zeros(0), intervals=()
+    )
+    other = replace(e.part, id=e.part.id + 1, motion=lost)
+    done = (
+        FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),
+        FinishedPart(other, clip.mesh, None, "motion", "rest", 1.0),
+    )
+    fused = FusedScene(clip.static, {e.part.id: clip.mesh, other.id: clip.mesh})
+    (interaction,) = as_one(clip.recording, e.scene.found)
+    verdict = judge(
+        clip.recording, clip.cameras, dict(e.scene.labels), (interaction,), (e.part, other), fused, done
+    )
+    assert verdict.parts[e.part.id].level == "trusted"
