@@ -9,6 +9,7 @@ import numpy as np
 
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.same_part import OVERLAP, Surface
+from recon.merge.standing import SAME
 from twin import geometry as geo
 from twin.geometry import Array
 
@@ -47,11 +48,21 @@ def _carries(carrier: MovingPart, its: Surface, part: MovingPart, surface: Surfa
     """Whether a part's surface, as it is handled, lies on that of a larger one that takes it along."""
     frame = part.handled_first
     T, own = carrier.pose(frame), part.pose(frame)
-    if T is None or own is None or len(surface.points) >= len(its.points):
+    if T is None or own is None or len(surface.points) >= len(its.points) or not _rests(carrier, part):
         return False
     there = geo.invert_pose(T) @ own
     far = _goes(carrier, geo.transform(there, surface.points)) if len(surface.points) else 0.0
     return far >= _FAR_M and surface.covered_by(its, there) >= OVERLAP
+
+
+def _rests(carrier: MovingPart, part: MovingPart) -> bool:
+    """Whether a carrier is known to stand still while a part is moved: else the part may be the carrier
+    itself, in an interaction that was solved wrong."""
+    for first, last in part.motion.intervals:
+        inside = (carrier.motion.frames >= first) & (carrier.motion.frames <= last)
+        if inside.sum() <= last - first or np.ptp(carrier.motion.state[inside]) > SAME[carrier.joint.kind]:
+            return False
+    return True
 
 
 def _goes(carrier: MovingPart, points: Array) -> float:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.looks import SAME, THROUGH, look
+from recon.dense import looks
 from recon.merge.same_part import STEP, Surface
 from recon.recording import Recording
 from twin import geometry as geo
@@ -32,7 +32,7 @@ _THROUGH, _SOME, _MUCH = 0.2, 0.25, 0.4
 _ALIKE = 0.05
 # rad and m that states as likely may differ by, and those told by two frames in a row. Chosen by us.
 _SPREAD = {"revolute": float(np.radians(8.0)), "prismatic": 0.06}
-_SAME = {"revolute": float(np.radians(4.0)), "prismatic": 0.02}
+SAME = {"revolute": float(np.radians(4.0)), "prismatic": 0.02}
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,12 @@ def _told(part: Standing, frame: int, recording: Recording, cameras: Trajectory)
         """Of the cells in view, those that are there and those that are seen through, in each state."""
         same, through = np.zeros(len(states)), np.zeros(len(states))
         for k, pose in enumerate(T_cam_world @ part.joint.poses(states)):
-            seen = look(points, pose, depth, camera.fx, camera.fy, camera.cx, camera.cy, _GATE_M, 0.0)
+            seen = looks.look(points, pose, depth, camera.fx, camera.fy, camera.cx, camera.cy, _GATE_M, 0.0)
             count = int((seen > 0).sum())
             if count >= _IN_VIEW * len(points):
-                same[k], through[k] = (float((seen == what).sum()) / count for what in (SAME, THROUGH))
+                same[k], through[k] = (
+                    float((seen == what).sum()) / count for what in (looks.SAME, looks.THROUGH)
+                )
         return same, through
 
     def stands(same: Array, through: Array, least: float) -> NDArray[np.bool_]:
@@ -127,19 +129,27 @@ def _beside(part: Standing, frame: int) -> Array:
 
 
 def _confirmed(part: Standing, seen: Mapping[int, float]) -> dict[int, float]:
-    """States told by frames without those of which the frames before and after tell nothing like."""
-    frames, same = sorted(seen), _SAME[part.joint.kind]
-    out = {}
-    for k, f in enumerate(frames):
-        near = [seen[g] for g in frames[max(k - 1, 0) : k + 2] if g != f] + _beside(part, f).tolist()
-        if any(abs(seen[f] - s) <= same for s in near):
-            out[f] = seen[f]
+    """States told by frames, one for all in a row that tell nearly the same: that of an interaction beside
+    them if it is near, else the median. What a single frame tells is left out."""
+    same, out = SAME[part.joint.kind], dict[int, float]()
+    runs: list[list[int]] = []
+    for f in sorted(seen):
+        goes_on = runs and abs(seen[f] - seen[runs[-1][-1]]) <= same
+        if goes_on and not any(runs[-1][-1] < g < f for g in part.known):
+            runs[-1].append(f)
+        else:
+            runs.append([f])
+    for run in runs:
+        beside = [s for f in run for s in _beside(part, f).tolist() if abs(seen[f] - s) <= same]
+        if len(run) > 1 or beside:
+            state = beside[0] if beside else float(np.median([seen[f] for f in run]))
+            out |= dict.fromkeys(run, state)
     return out
 
 
 def _held(part: Standing, seen: Mapping[int, float], frames: Iterable[int]) -> dict[int, float]:
     """The states of frames: as known or told, kept between two that tell the same."""
-    same, told = _SAME[part.joint.kind], {**seen, **part.known}
+    same, told = SAME[part.joint.kind], {**seen, **part.known}
     anchors = sorted(told)
     ends = [(-1, anchors[0]), *pairwise(anchors), (anchors[-1], None)]
     out: dict[int, float] = {}
