@@ -109,11 +109,11 @@ def frames_said(
 
     Raises InputError for a time beyond the recording.
     """
-    times = np.asarray(recording.times) - recording.times[0]
 
     def frame(moment: int | float) -> int:
         if isinstance(moment, int):
             return moment
+        times = np.asarray(recording.times) - recording.times[0]
         if moment > times[-1]:
             problem = f"{moment:g}s: the recording ends after {times[-1]:.1f} s"
             raise InputError(problem, "say a time of it, from its first frame on")
