@@ -53,7 +53,7 @@ _SECONDS = {
 # The same of a walk of 45 s, whose interactions count as one.
 _SECONDS_OF_WALK = {
     "inspect": 11.0, "frames": 3.0, "corners": 28.0, "tracks": 0.5, "submaps": 20.0, "cameras": 2.0, "gravity": 0.2, "noise": 0.3, "windows": 5.0, "path": 3.0,
-    "interactions": 75.0, "merge": 2.0, "fusion": 19.0, "up": 1.0, "contact": 3.0, "texture": 31.0, "verdict": 8.0, "handle": 0.3,
+    "interactions": 75.0, "recall": 6.0, "merge": 2.0, "fusion": 19.0, "up": 1.0, "contact": 3.0, "texture": 31.0, "verdict": 8.0, "handle": 0.3,
 }  # fmt: skip
 
 

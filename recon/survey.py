@@ -16,9 +16,11 @@ from recon.cameras.path import PATH, close_loops
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
-from recon.interaction.interaction import Interaction, Observed, frame_of, interact
+from recon.interaction.interaction import Interaction, Observed, frame_of, interact, interact_again
 from recon.interaction.joints.type_selection import TypeHint
-from recon.merge.merge import MERGE, as_merged, merge
+from recon.interaction.parts.found import FoundParts
+from recon.merge.merge import MERGE, Merged, as_merged, merge
+from recon.merge.recall import RECALL, found_again, recall
 from recon.merge.relabel import all_labels
 from recon.odometry import odometry
 from recon.recording import Recording
@@ -83,15 +85,50 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
     if contents is not None:
         shared = (tracks, cameras, noise, contents)
         solve_ahead(stage, recording, shared, partial(_one_window, hints), told, "interactions")
-    solved: list[Interaction] = []
-    results: list[StageResult[Any]] = []
+    local: list[Interaction] = []  # each in its own world
+    results: list[tuple[StageResult[Any], ...]] = []
     for k, (window, word) in enumerate(told):
         interaction, of_window = interact(stage, seen, window, hints, word)
-        solved.append(interaction if contents is None else interaction.moved(frame_of(path.value, window)))
-        results += of_window
+        local.append(interaction)
+        results.append(of_window)
         if contents is not None:
             stage.run.report("interactions", (k + 1) / len(told), f"of {len(told)}")
-    return _upright(stage, seen, path, solved, results, guessed.warnings)
+    first = None
+    if contents is not None and not said.words:  # what the user says holds
+        local, results, first = _again(stage, seen, path, local, results)
+    solved = local if contents is None else _in_world(local, path.value)
+    return _upright(stage, seen, path, solved, [r for rs in results for r in rs], guessed.warnings, first)
+
+
+def _in_world(local: Sequence[Interaction], path: Trajectory) -> list[Interaction]:
+    """Interactions of windows, each in its own world, in that of the path."""
+    return [i.moved(frame_of(path, i.window)) for i in local]
+
+
+def _again(
+    stage: Chain,
+    seen: Observed,
+    path: StageResult[Trajectory],
+    local: list[Interaction],
+    results: list[tuple[StageResult[Any], ...]],
+) -> tuple[list[Interaction], list[tuple[StageResult[Any], ...]], Merged | None]:
+    """The interactions, those solved again in which a part moves that only others found, and their results;
+    all merged if none was solved again."""
+    recalled = stage(
+        RECALL,
+        [path, *(r for rs in results for r in rs)],
+        lambda: recall(seen.recording, path.value, _in_world(local, path.value)),
+    ).value
+    items = [(local[r.interaction].window, found_again(r, local[r.interaction])) for r in recalled.again]
+    if not items:
+        return local, results, recalled.merged
+    assert seen.contents is not None
+    shared = (seen.tracks, seen.cameras, seen.noise, seen.contents)
+    solve_ahead(stage, seen.recording, shared, _one_again, items, "recall")
+    local, results = list(local), list(results)
+    for r, item in zip(recalled.again, items, strict=True):
+        local[r.interaction], results[r.interaction] = interact_again(stage, seen, *item)
+    return local, results, None
 
 
 def _one_window(
@@ -105,6 +142,16 @@ def _one_window(
     interact(stage, Observed(recording, *reads), told[0], hints, told[1])
 
 
+def _one_again(
+    stage: Chain,
+    recording: Recording,
+    reads: Sequence[StageResult[Any]],
+    told: tuple[Window, FoundParts],
+) -> None:
+    """The stages of one window with parts of others. reads: as `Observed` has them."""
+    interact_again(stage, Observed(recording, *reads), *told)
+
+
 def _upright(
     stage: Chain,
     seen: Observed,
@@ -112,16 +159,17 @@ def _upright(
     interactions: Sequence[Interaction],
     results: Sequence[StageResult[Any]],
     doubts: Sequence[str],
+    first: Merged | None,
 ) -> Surveyed:
     """One scene of all interactions, its surfaces, and up by all that is known of the world.
 
     guessed: the cameras, upright by a first guess. results: of the stages that the interactions come from.
-    doubts: about the guess.
+    doubts: about the guess. first: the interactions merged, if that was done before.
     """
     c, loop, recording, noise = stage.config, stage.run.loop, seen.recording, seen.noise
     cameras = guessed.value
     # One part of several interactions, its states over the whole recording.
-    merged = stage(MERGE, [guessed, *results], lambda: merge(recording, cameras, interactions))
+    merged = stage(MERGE, [guessed, *results], lambda: first or merge(recording, cameras, interactions))
     parts = merged.value.parts
     of_parts = tuple(as_merged(i, k, merged.value) for k, i in enumerate(interactions))
     images = all_labels(recording, cameras, of_parts, merged.value)

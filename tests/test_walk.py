@@ -76,5 +76,5 @@ def test_a_minute_appended_computes_what_it_touches_and_gives_what_a_fresh_run_g
 
 def test_the_time_left_of_a_walk_counts_each_of_its_stages() -> None:
     of_windows = {s for s in STAGES if s in PER_WINDOW}
-    more = {"frames", "corners", "submaps", "interactions"}
+    more = {"frames", "corners", "submaps", "interactions", "recall"}
     assert set(_SECONDS_OF_WALK) == (set(_SECONDS) - of_windows) | more

@@ -99,12 +99,11 @@ def is_rotation(r: Array, tolerance: float = 1e-6) -> bool:
 
 
 def make_pose(rotation: ArrayLike | None = None, translation: ArrayLike | None = None) -> Array:
-    """Build a pose (4, 4) from a rotation (3, 3) and a translation (3,); either may be left out."""
-    out = np.eye(4)
-    if rotation is not None:
-        out[:3, :3] = rotation
-    if translation is not None:
-        out[:3, 3] = translation
+    """Poses (..., 4, 4) from rotations (..., 3, 3) and translations (..., 3); either may be left out."""
+    r = np.eye(3) if rotation is None else as_float(rotation)
+    t = np.zeros(3) if translation is None else as_float(translation)
+    out = np.zeros((*np.broadcast_shapes(r.shape[:-2], t.shape[:-1]), 4, 4))
+    out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = r, t, 1.0
     return out
 
 

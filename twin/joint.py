@@ -96,13 +96,13 @@ class Joint(Described, ABC):
         """Unknowns of its tangent: two tilts, and two shifts of a pivot."""
         return self._dof
 
-    @abstractmethod
     def pose(self, state: float) -> Array:
         """Pose (4, 4) of the part at `state` relative to state 0, in the world frame."""
+        return self.poses(state)[0]
 
+    @abstractmethod
     def poses(self, states: Any) -> Array:
         """Poses (n, 4, 4) for states (n,)."""
-        return np.stack([self.pose(float(s)) for s in np.atleast_1d(states)])
 
     @abstractmethod
     def velocity(self, state: float, point: Any) -> Array:
@@ -182,8 +182,8 @@ class Prismatic(Joint):
     kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
     _dof: int = field(init=False, default=2)
 
-    def pose(self, state: float) -> Array:
-        return geo.make_pose(translation=self.axis * state)
+    def poses(self, states: Any) -> Array:
+        return geo.make_pose(translation=self.axis * np.atleast_1d(states)[:, None])
 
     def velocity(self, state: float, point: Any) -> Array:  # noqa: ARG002  (the same everywhere)
         return np.array(self.axis)
@@ -201,8 +201,8 @@ class Revolute(Joint):
         super().__post_init__()
         _set(self, "pivot", _frozen(self.pivot, (3,), "joint pivot"))
 
-    def pose(self, state: float) -> Array:
-        r = geo.exp_so3(self.axis * state)
+    def poses(self, states: Any) -> Array:
+        r = geo.exp_so3(self.axis * np.atleast_1d(states)[:, None])
         return geo.make_pose(r, self.pivot - r @ self.pivot)
 
     def velocity(self, state: float, point: Any) -> Array:

@@ -46,3 +46,14 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
         elif far < z - gate:
             out[i] = HIDDEN
     return out
+
+
+@njit(cache=True, nogil=True)
+def count(points, poses, depth, fx, fy, cx, cy, gate):  # type: ignore[no-untyped-def]
+    """How many of points (n, 3) are UNKNOWN, SAME, THROUGH and HIDDEN: (m, 4), for each of poses (m, 4, 4)
+    into the camera. See `look`."""
+    out = np.zeros((len(poses), 4), np.int64)
+    for m in range(len(poses)):
+        for seen in look(points, poses[m], depth, fx, fy, cx, cy, gate, 0.0):
+            out[m, seen] += 1
+    return out

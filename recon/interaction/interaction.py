@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recon.dense.noise import DepthNoise, measure_noise
 from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.labels.label_frames import LABELS, label_frames
-from recon.interaction.parts.find_parts import MOTION, FoundParts, find_parts
+from recon.interaction.parts.find_parts import MOTION, FoundParts, PartTracks, find_parts
 from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.recording import Recording
@@ -28,6 +28,9 @@ from twin.runs.stages import StageResult
 from twin.scene import Trajectory
 
 OWN_NOISE = Stage("window_noise", 1, ())
+FOUND_AGAIN = Stage("found_again", 1, ())
+# What the folders of a window that is solved a second time end in.
+AGAIN = "-again"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +118,7 @@ def during(part: MovingPart, window: Window) -> MovingPart:
     return replace(part, motion=cut, windows=(), carrier=carrier)
 
 
-def _local(stage: Chain, seen: Observed, window: Window) -> _Local:
+def _local(stage: Chain, seen: Observed, window: Window, item: str) -> _Local:
     """A clip as it is; a window of minutes in its own frame, keyed by what it holds."""
     if seen.contents is None:
         shared = (seen.cameras, seen.noise)
@@ -131,8 +134,8 @@ def _local(stage: Chain, seen: Observed, window: Window) -> _Local:
         cameras.T_world_cam,
     )
     own = replace(stage, source=source)
-    noise = own(OWN_NOISE, [], lambda: measure_noise(recording, cameras), item=window.name)
-    return _Local(own, recording, cameras, noise, (noise,), (), window.name)
+    noise = own(OWN_NOISE, [], lambda: measure_noise(recording, cameras), item=item)
+    return _Local(own, recording, cameras, noise, (noise,), (), item)
 
 
 def interact(
@@ -142,18 +145,16 @@ def interact(
 
     The window of a clip has the world of its cameras, one of minutes its own: that of its first camera.
     """
-    c, loop = stage.config, stage.run.loop
-    of = _local(stage, seen, window)
-    recording, cameras, item, reads = of.recording, of.cameras, of.item, of.reads
-    sigma, of_parts = of.noise.value, said.of_parts
+    c = stage.config
+    of, of_parts = _local(stage, seen, window, window.name), said.of_parts
     # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
     found = of.stage(
         MOTION,
         of.tracks,
         lambda: find_parts(
-            recording,
+            of.recording,
             seen.tracks.value.dense(window.first, window.last),
-            cameras,
+            of.cameras,
             c.motion,
             c.joints,
             hints,
@@ -161,8 +162,32 @@ def interact(
         ),
         *([hints] if hints else []),
         *([of_parts] if of_parts is not None else []),
-        item=item,
+        item=of.item,
     )
+    return _solved(of, window, found)
+
+
+def interact_again(
+    stage: Chain, seen: Observed, window: Window, found: FoundParts
+) -> tuple[Interaction, tuple[StageResult[Any], ...]]:
+    """The same with parts that other windows found beside its own ones, in the world of the window."""
+    of = _local(stage, seen, window, f"{window.name}{AGAIN}")
+    again = of.stage(FOUND_AGAIN, of.tracks, lambda: found, digest(*map(_digest, found.parts)), item=of.item)
+    return _solved(of, window, again)
+
+
+def _digest(tracks: PartTracks) -> str:
+    joint, motion = tracks.part.joint, tracks.part.motion
+    pose = joint.poses(np.array([0.0, 1.0]))
+    return digest(joint.kind, pose, motion.frames, motion.state, tracks.members, tracks.type_source)
+
+
+def _solved(
+    of: _Local, window: Window, found: StageResult[FoundParts]
+) -> tuple[Interaction, tuple[StageResult[Any], ...]]:
+    """What follows from the parts found: labels, refined joints and states."""
+    recording, cameras, item, reads, sigma = of.recording, of.cameras, of.item, of.reads, of.noise.value
+    c, loop = of.stage.config, of.stage.run.loop
     refined = of.stage(
         REFINE,
         [found, *reads],

@@ -12,14 +12,14 @@ from recon.interaction.parts.found import FoundParts
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.carried import on_carriers
 from recon.merge.same_part import Surface, match, surface_of
-from recon.merge.standing import Standing, states_standing
+from recon.merge.standing import standing, states_standing
 from recon.recording import Recording
 from twin.geometry import Array
 from twin.joint import Joint, JointSigma, turned_covariance
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MERGE = Stage("merge", 4, ())
+MERGE = Stage("merge", 5, ())
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,10 @@ def merge(recording: Recording, cameras: Trajectory, interactions: Sequence[Inte
             surface = surface_of(part, part_of, its_cameras, interaction.labels)
             _gather(found, number, part, surface)
     known = [_known(g, interactions) for g in found]
-    standing = [Standing(g.joint, g.surface, k) for g, k in zip(found, known, strict=True)]
-    states = states_standing(standing, recording, cameras)
+    of_parts = [
+        standing(g.joint, g.surface, k, recording, cameras) for g, k in zip(found, known, strict=True)
+    ]
+    states = states_standing(of_parts, recording, cameras)
     parts = tuple(
         _over_all(FIRST_PART_ID + k, g, states[k], recording, interactions) for k, g in enumerate(found)
     )

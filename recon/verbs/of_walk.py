@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from recon.interaction.interaction import AGAIN
 from recon.recording import Recording
 from twin.geometry import Array
 from twin.scene import Part, Twin
@@ -34,11 +35,14 @@ def handled_text(part: Part) -> str:
 
 
 def notes(stages: Sequence[Mapping[str, Any]], recording: Recording) -> list[str]:
-    """The warnings of a run's stages, those of a window with its time before them, each once."""
+    """The warnings of a run's stages, those of a window with its time before them, each once; of a window
+    that was solved again those of the second time."""
     out: dict[str, None] = {}
-    for stage in stages:
-        _, _, item = stage["name"].partition("/")
-        first, last = (int(n) for n in item.split("-")) if item else (0, 0)
+    items = [stage["name"].partition("/")[2] for stage in stages]
+    for stage, item in zip(stages, items, strict=True):
+        if item and f"{item}{AGAIN}" in items:
+            continue
+        first, last = (int(n) for n in item.removesuffix(AGAIN).split("-")) if item else (0, 0)
         when = f"{_span(first, last, recording.times)}: " if item else ""
         out |= dict.fromkeys(when + w for w in stage["warnings"])
     return list(out)

@@ -97,3 +97,12 @@ def test_warnings_of_a_window_have_its_time_and_each_stands_once() -> None:
         "0:10-0:17: no frame is free of the hand",
         "0:20-0:27: no frame is free of the hand",
     ]
+
+
+def test_of_a_window_that_was_solved_again_the_second_time_is_told() -> None:
+    stages = [
+        {"name": "motion/000150-000260", "warnings": ["no part was found"]},
+        {"name": "labels/000150-000260-again", "warnings": ["no frame is free of the hand"]},
+        {"name": "motion/000300-000400", "warnings": ["no part was found"]},
+    ]
+    assert notes(stages, WALK) == ["0:10-0:17: no frame is free of the hand", "0:20-0:27: no part was found"]

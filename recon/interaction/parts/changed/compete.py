@@ -60,7 +60,7 @@ def witnessed(
             Witnessed(
                 replace(oriented.joint, covariance=None),
                 state,
-                _followers(oriented.joint, cameras.frames, state, movers),
+                followers(oriented.joint, cameras.frames, state, movers),
                 same[0] if same else None,
                 as_well[0] if same else 1.0,
             )
@@ -83,7 +83,7 @@ def _same(joint: Joint, tracked: Joint, part: ChangedPart) -> bool:
     return True
 
 
-def _followers(joint: Joint, frames: NDArray[np.int64], state: Array, movers: Movers) -> NDArray[np.bool_]:
+def followers(joint: Joint, frames: NDArray[np.int64], state: Array, movers: Movers) -> NDArray[np.bool_]:
     """Movers (K,) that follow a joint with states (n,) in frames (n,)."""
     every = np.interp(np.arange(len(movers.visible)), frames, state)
     pivot = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
