@@ -20,7 +20,7 @@ from twin.shapes import Box, Collision, Mesh
 Basis = Literal["evidence", "assumed"]
 BASES: tuple[Basis, ...] = get_args(Basis)
 # of what infers: raised whenever the same twin may get other pieces, so that a twin on disk gets them anew
-VERSION = 11
+VERSION = 12
 PLAIN = (180, 180, 180)  # sRGB of what nobody saw the colour of
 
 

@@ -172,3 +172,11 @@ def test_what_has_no_difference_is_refused() -> None:
         hinge.minus(slide)
     with pytest.raises(SceneError, match="right angles"):
         replace(hinge, axis=np.array([0, 1.0, 0]), pivot=np.array([1.0, 0, 0])).minus(hinge)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_poses_of_many_states_are_those_of_each(kind: str) -> None:
+    joint = joint_of(kind, np.random.default_rng(5))
+    states = np.array([-0.7, 0.0, 1e-9, 0.4, np.pi])
+    assert np.array_equal(joint.poses(states), np.stack([joint.pose(float(s)) for s in states]))
+    assert joint.poses(0.4).shape == (1, 4, 4)

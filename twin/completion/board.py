@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ INSET = 0.0003
 _SURE = 0.01  # m: a seen surface that lies deeper in a board than noise says that the board is not there
 _CONTRADICTED = 0.15  # share of a board's largest face that such a surface may have; chosen by us
 _THINNEST = 0.003  # m
+_EQUAL = 0.001  # m between the ends of equal boards
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +59,13 @@ class Board:
         box = self.box(T_world_frame)
         drawn = box_mesh(box.T_world_box, np.maximum(box.size - 2 * INSET, _THINNEST / 2))
         return Inferred(self.name, self.role, drawn, self.basis, self.reason, (box,), color)
+
+
+def distinct(boards: Iterable[Board]) -> list[Board]:
+    """Boards of one frame without those that equal an earlier one, as both faces of a thin one do."""
+    out: list[Board] = []
+    for b in boards:
+        ends = np.array([b.low, b.high])
+        if all(np.abs(ends - [o.low, o.high]).max() > _EQUAL for o in out):
+            out.append(b)
+    return out

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.collision.boards import BoardSearch, beyond, find_boards
 from twin.collision.convex import triangles_of
-from twin.completion.board import Board
+from twin.completion.board import Board, distinct
 from twin.completion.by_furniture import by_furniture, nearest_piece, together
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
 from twin.completion.eyes import EVERY
@@ -159,7 +159,7 @@ def _panels(
         for w in wide
         if not w.contradicted(cloud)
     ]
-    return [b for b in freed if b is not None]
+    return distinct([b for b in freed if b is not None])
 
 
 def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:

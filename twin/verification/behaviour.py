@@ -269,12 +269,14 @@ def _is_level(part: Part) -> bool:
 
 
 def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
-    """Largest distance (n,) m of any corner of the part's bounding box from where the recording has it.
+    """Largest distance (n,) m of any corner of the part's bounding box from where the recording has it, at
+    most at the ends of its range: these are quantiles of the states, and beyond them is noise.
 
     motion (n, 4, 4): from where the part is at its own state 0 with the others held."""
     held = {p.id: _state_beside(part, p) for p in twin.parts if p is not part}
     start = twin.part_pose(part.id, held)
-    want = np.stack([twin.part_pose(part.id, held | {part.id: float(s)}) for s in part.motion.state])
+    states = np.clip(part.motion.state, part.joint.lower, part.joint.upper)
+    want = np.stack([twin.part_pose(part.id, held | {part.id: float(s)}) for s in states])
     points = surface(part.mesh)
     low, high = points.min(axis=0), points.max(axis=0)
     corners = np.array([[x, y, z, 1.0] for x, y, z in product(*zip(low, high, strict=True))]).T
@@ -283,6 +285,8 @@ def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
 
 
 def _reconstruction_error(part: Part, lever: float) -> float:
-    """Three sigmas (m) of the part's farthest point by residual and frame noise; slow errors are followed."""
-    jitter = mad_sigma(np.diff(part.motion.state, 2)) / math.sqrt(6.0)
+    """Three sigmas (m) of the part's farthest point by residual and frame noise; slow errors are followed.
+    A state that is kept from frame to frame, as between the times of a walk, is no measurement."""
+    bends = np.diff(part.motion.state, 2)
+    jitter = mad_sigma(bends[bends != 0]) / math.sqrt(6.0)
     return max(FLOOR, _SIGMAS * math.hypot(jitter * lever, part.motion.residual))

@@ -12,7 +12,7 @@ from tests.makers.twin import scans
 from tests.makers.twin.layers import NEAR, corners, layer, pieces
 from twin.completion import with_completion
 from twin.completion.asset import AS_SEEN, AssetView, asset_pose, usual_view
-from twin.completion.board import Board
+from twin.completion.board import Board, distinct
 from twin.completion.infer import infer
 from twin.completion.shapes import FURNITURE_SHAPES, with_shapes
 from twin.completion.squared import Sight, squared
@@ -183,3 +183,11 @@ def test_the_furniture_s_frame_stands_on_the_floor_under_the_front(drawer: Twin)
     again = asset_pose(asset)
     assert np.allclose(again, np.eye(4), atol=2e-3)
     assert np.allclose(T[2, :3], [0, 0, 1])
+
+
+def test_boards_that_equal_one_before_them_are_left_out() -> None:
+    """Both faces of a pole, made square, end as the same board."""
+    pole = Board("panel_1", "panel", np.zeros(3), np.array([0.02, 0.02, 1.6]), "assumed", "a face")
+    twice = replace(pole, name="panel_2", high=pole.high + 4e-4)
+    beside = replace(pole, name="panel_3", low=pole.low + [0.02, 0, 0], high=pole.high + [0.02, 0, 0])
+    assert [b.name for b in distinct([pole, twice, beside])] == ["panel_1", "panel_3"]

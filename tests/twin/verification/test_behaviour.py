@@ -108,6 +108,23 @@ def test_a_state_that_may_be_off_excuses_no_deviation_but_one_that_trembles_does
     assert limits["door"] > 3.0 * limits["drawer"]
 
 
+def test_states_beyond_the_range_are_noise_and_those_kept_between_visits_no_measurement(
+    cabinet: tuple[Twin, Exported],
+) -> None:
+    twin, exported = cabinet
+
+    def kept_beyond(part: Part) -> Part:
+        """At the end of its motion it stays 5 mm beyond its range, four times as long as it moved."""
+        motion = part.motion
+        n, step = 5 * len(motion.state), motion.times[1] - motion.times[0]
+        state = np.r_[motion.state, np.full(n - len(motion.state), part.joint.upper + 0.005)]
+        frames, times = motion.frames[0] + np.arange(n), motion.times[0] + step * np.arange(n)
+        return replace(part, motion=replace(motion, frames=frames, times=times, state=state))
+
+    report = behave(with_part(twin, "drawer", kept_beyond), exported)
+    assert "drawer" not in {r.part for r in report.failures}
+
+
 def test_an_obstacle_is_met_also_where_a_format_keeps_the_pair_apart(
     cabinet: tuple[Twin, Exported], tmp_path: Path
 ) -> None:
