@@ -84,7 +84,8 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
     seen = Observed(recording, tracks, path if contents is None else cameras, noise, contents)
     if contents is not None:
         shared = (tracks, cameras, noise, contents)
-        solve_ahead(stage, recording, shared, partial(_one_window, hints), told, "interactions")
+        longest_first = sorted(told, key=lambda t: t[0].first - t[0].last)
+        solve_ahead(stage, recording, shared, partial(_one_window, hints), longest_first, "interactions")
     local: list[Interaction] = []  # each in its own world
     results: list[tuple[StageResult[Any], ...]] = []
     for k, (window, word) in enumerate(told):

@@ -57,3 +57,31 @@ def count(points, poses, depth, fx, fy, cx, cy, gate):  # type: ignore[no-untype
         for seen in look(points, poses[m], depth, fx, fy, cx, cy, gate, 0.0):
             out[m, seen] += 1
     return out
+
+
+@njit(cache=True, nogil=True)
+def inside(depth, labels, wanted, every, T_box_cam, camera, low, high):  # type: ignore[no-untyped-def]
+    """Rows, columns (n,) and points (n, 3) of a depth image's pixels, each `every`th of both, that lie in a
+    box from low to high (3,), in the box's frame. labels (h, w): of the pixels, of which those with
+    wanted[label] (256,) are asked. camera: fx, fy, cx, cy."""
+    h, w = depth.shape
+    fx, fy, cx, cy = camera
+    most = ((h + every - 1) // every) * ((w + every - 1) // every)
+    rows, columns = np.empty(most, np.int64), np.empty(most, np.int64)
+    points, n = np.empty((most, 3), np.float32), 0
+    p = np.empty(3)
+    for v in range(0, h, every):
+        for u in range(0, w, every):
+            z = depth[v, u]
+            if z <= 0.0 or not wanted[labels[v, u]]:
+                continue
+            x, y = (u - cx) / fx * z, (v - cy) / fy * z
+            for k in range(3):
+                p[k] = T_box_cam[k, 0] * x + T_box_cam[k, 1] * y + T_box_cam[k, 2] * z + T_box_cam[k, 3]
+                if p[k] <= low[k] or p[k] >= high[k]:
+                    break
+            else:
+                rows[n], columns[n] = v, u
+                points[n] = p
+                n += 1
+    return rows[:n], columns[:n], points[:n]

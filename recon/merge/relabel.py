@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.dense import looks
 from recon.interaction.interaction import Interaction
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.merge import Merged
@@ -87,27 +88,22 @@ def _with_standing(
 ) -> NDArray[np.uint8]:
     """A label image with the parts that stand around. cells: of their surfaces, by their place."""
     T_world_cam = cameras.pose(frame)
-    depth = recording.depth(frame)
+    depth = np.ascontiguousarray(recording.depth(frame), np.float32)
     out = np.where(depth > 0, image, image if image.min() != image.max() else UNKNOWN_LABEL).astype(np.uint8)
     if T_world_cam is None or not cells:
         return out
-    small = depth[::_EVERY, ::_EVERY]
-    labels = out[::_EVERY, ::_EVERY]
+    c, block = recording.intrinsics, np.zeros(out[::_EVERY, ::_EVERY].shape, np.uint8)
     below = {k: _below(merged.parts[k]) for k in cells}
-    y, x = np.nonzero((small > 0) & np.isin(labels, [*{b for ids in below.values() for b in ids}]))
-    pixels = _EVERY * np.stack([x, y], axis=-1).astype(float)
-    points = recording.intrinsics.backproject(pixels, small[y, x].astype(float))
-    world = geo.transform(T_world_cam, points)
-    block = np.zeros(small.shape, np.uint8)
     for k in sorted(cells, key=lambda k: len(below[k])):  # what is carried lies on its carrier
         keys, pose = cells[k], merged.parts[k].pose(frame)
         if pose is None or not len(keys):
             continue
-        there = geo.transform(geo.invert_pose(pose), world)
         low, high = merged.surfaces[k].min(axis=0) - _CELL_M, merged.surfaces[k].max(axis=0) + _CELL_M
-        near = np.flatnonzero(((there > low) & (there < high)).all(axis=1) & np.isin(labels[y, x], below[k]))
-        on = np.isin(voxel_keys(there[near].astype(np.float32), _CELL_M), keys)
-        block[y[near[on]], x[near[on]]] = merged.parts[k].id
+        T = geo.invert_pose(pose) @ T_world_cam
+        wanted = np.isin(np.arange(256), below[k])
+        y, x, there = looks.inside(depth, out, wanted, _EVERY, T, (c.fx, c.fy, c.cx, c.cy), low, high)
+        on = np.isin(voxel_keys(there, _CELL_M), keys)
+        block[y[on] // _EVERY, x[on] // _EVERY] = merged.parts[k].id
     large = np.repeat(np.repeat(block, _EVERY, axis=0), _EVERY, axis=1)[: out.shape[0], : out.shape[1]]
     for k, ids in below.items():
         out[(large == merged.parts[k].id) & np.isin(out, ids)] = merged.parts[k].id

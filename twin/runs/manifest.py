@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from platform import python_version
@@ -24,6 +25,11 @@ def update_manifest(folder: Path, **sections: Any) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the installed packages that shape the results."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
     found = {"python": python_version()}
     for package in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
