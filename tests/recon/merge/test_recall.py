@@ -113,14 +113,49 @@ def test_a_part_that_stands_still_is_not_recalled() -> None:
     assert recall(recording, cameras, (first, second)).again == ()
 
 
+def test_a_part_that_is_moved_only_after_a_window_is_not_recalled_there() -> None:
+    """Frames show the drawer closed after the second window, which ends when it begins to close."""
+    clip = make_clip("drawer")
+    recording, cameras, (first, closing) = visits_of([Visit(clip), Visit(clip, back=True)], gap=20)
+    n = len(clip.recording)
+    begins = closing.window.first + closing.parts[0].motion.intervals[0][0]
+    second = replace(without_parts(first), window=replace(first.window, first=n + 2, last=begins), labels={})
+    assert recall(recording, cameras, (first, second)).again == ()
+
+
+def test_a_part_of_which_a_window_shows_a_strip_is_not_recalled() -> None:
+    clip = make_clip("drawer")
+    recording, cameras, (first, second, third) = three(clip)
+    depth = np.stack([recording.depth(f) for f in range(len(recording))])
+    depth[second.window.frames, :, : int(0.52 * depth.shape[2])] = 0.0
+    color = np.stack([recording.color(f) for f in range(len(recording))])
+    dark = Recording.from_arrays(color, depth, recording.intrinsics, fps=15)
+    assert recall(dark, cameras, (first, without_parts(second), third)).again == ()
+
+
+def test_a_part_that_explains_less_takes_nothing_from_one_that_was_solved_right() -> None:
+    """The first window has the drawer slide 12 degrees aslant: its front lies on depth all the way, its
+    outline does not."""
+    clip = make_clip("drawer")
+    recording, cameras, (first, second, third) = three(clip)
+    (part,) = first.parts
+    turn = geo.make_pose(geo.exp_so3(np.array([0, 0, np.radians(12.0)])))
+    aslant = replace(part, joint=replace(part.joint, axis=geo.rotate(turn, part.joint.axis)))
+    tracks = PartTracks(aslant, np.zeros(0, bool), "motion")
+    wrong = replace(first, parts=(aslant,), found=replace(first.found, parts=(tracks,)))
+    found = recall(recording, cameras, (wrong, second, third))
+    assert len(found.merged.parts) == 2
+    assert all(r.interaction == 0 for r in found.again)  # the first window, by the others
+
+
 def test_a_door_does_not_stand_turned_into_the_wall_of_its_cabinet() -> None:
     clip = make_clip("door")
     recording, cameras, (first,) = visits_of([Visit(clip)])
     merged = merge(recording, cameras, (first, without_parts(replace(first, labels={}))))
     (part,), (cells,) = merged.parts, merged.surfaces
-    known = dict(zip(part.motion.frames.tolist(), part.motion.state.tolist(), strict=True))
+    widened = 1.5 * part.motion.state  # a range of 103 deg, and as much as 90 on either side
+    known = dict(zip(part.motion.frames.tolist(), widened.tolist(), strict=True))
     states = standing(part.joint, Surface(cells), known, recording, cameras).states
     opened = float(np.sign(part.motion.state[-1]))
-    inside = -opened * np.radians(90.0)
-    assert np.abs(states - inside).min() > np.radians(4.0)
-    assert np.abs(states - opened * np.radians(80.0)).min() < np.radians(2.0)
+    assert np.abs(states + opened * np.radians(88.0)).min() > np.radians(3.0)
+    assert np.abs(states + opened * np.radians(45.0)).min() < np.radians(2.0)
