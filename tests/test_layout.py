@@ -57,6 +57,7 @@ def stages_of_the_pipeline() -> list[str]:
         ("odometry", "odometry"),
         ("survey", "survey"),
         ("interaction.interaction", "interact"),
+        ("interaction.interaction", "_solved"),
         ("survey", "_upright"),
         ("pipeline", "_judged_twin"),
     )
