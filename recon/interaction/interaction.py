@@ -24,13 +24,12 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.chain import Chain
 from twin.runs.keys import Stage, digest
+from twin.runs.manifest import AGAIN
 from twin.runs.stages import StageResult
 from twin.scene import Trajectory
 
 OWN_NOISE = Stage("window_noise", 1, ())
 FOUND_AGAIN = Stage("found_again", 1, ())
-# What the folders of a window that is solved a second time end in.
-AGAIN = "-again"
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from recon.interaction.interaction import AGAIN
 from recon.recording import Recording
 from twin.geometry import Array
+from twin.runs.manifest import warnings_of
 from twin.scene import Part, Twin
 from twin.verdict import LEVELS, reason
 
@@ -35,17 +35,9 @@ def handled_text(part: Part) -> str:
 
 
 def notes(stages: Sequence[Mapping[str, Any]], recording: Recording) -> list[str]:
-    """The warnings of a run's stages, those of a window with its time before them, each once; of a window
-    that was solved again those of the second time."""
-    out: dict[str, None] = {}
-    items = [stage["name"].partition("/")[2] for stage in stages]
-    for stage, item in zip(stages, items, strict=True):
-        if item and f"{item}{AGAIN}" in items:
-            continue
-        first, last = (int(n) for n in item.removesuffix(AGAIN).split("-")) if item else (0, 0)
-        when = f"{_span(first, last, recording.times)}: " if item else ""
-        out |= dict.fromkeys(when + w for w in stage["warnings"])
-    return list(out)
+    """The warnings of a run's stages, those of a window with its time before them, each once."""
+    told = warnings_of(stages)
+    return [text if at is None else f"{_span(*at, recording.times)}: {text}" for _, at, text in told]
 
 
 def moved_unseen(twin: Twin, recording: Recording) -> list[str]:

@@ -19,7 +19,7 @@ from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
 from twin.report.timeline import timeline
-from twin.runs.manifest import MANIFEST
+from twin.runs.manifest import MANIFEST, warnings_of
 from twin.runs.threads import each
 from twin.scene import Part, Twin
 from twin.storage import load
@@ -118,13 +118,9 @@ def _cards(
 def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Source and text of each warning of the reconstruction; those of the verbs stand with their tables."""
     found = [("recording", w) for w in manifest.get("warnings", [])]
-    return found + [(_where(s["name"]), w) for s in manifest.get("stages", []) for w in s["warnings"]]
-
-
-def _where(stage: str) -> str:
-    """A stage's name; of a window its frames."""
-    name, _, item = stage.partition("/")
-    return f"{name}, frames {' to '.join(str(int(n)) for n in item.split('-'))}" if item else name
+    for stage, frames, text in warnings_of(manifest.get("stages", [])):
+        found.append((f"{stage}, frames {frames[0]} to {frames[1]}" if frames else stage, text))
+    return found
 
 
 def _drawn(twin: Twin) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -12,6 +13,8 @@ from typing import Any
 from twin.files.text import read_json, write_json
 
 MANIFEST = "manifest.json"
+# What the folders of a window that is solved a second time end in.
+AGAIN = "-again"
 PACKAGES = ("funtwin", "numpy", "scipy", "open3d", "opencv-contrib-python", "scikit-learn", "mujoco")
 
 
@@ -21,6 +24,26 @@ def update_manifest(folder: Path, **sections: Any) -> None:
     manifest = read_json(path)
     manifest = {"format": "funtwin-run/1"} | manifest | sections
     write_json(path, manifest)
+
+
+def warnings_of(stages: Sequence[Mapping[str, Any]]) -> list[tuple[str, tuple[int, int] | None, str]]:
+    """The warnings of a run's stages, each once for a window: the stage, the first and last frame of the
+    window, None for a stage of the whole recording, and the text. Of a window that was solved again they are
+    those of the second time."""
+    out: dict[tuple[str, str], str] = {}
+    names = [stage["name"].partition("/") for stage in stages]
+    items = {item for _, _, item in names}
+    for stage, (name, _, item) in zip(stages, names, strict=True):
+        if item and f"{item}{AGAIN}" in items:
+            continue
+        for text in stage["warnings"]:
+            out.setdefault((item.removesuffix(AGAIN), text), name)
+    return [(name, _frames(item), text) for (item, text), name in out.items()]
+
+
+def _frames(item: str) -> tuple[int, int] | None:
+    first, _, last = item.partition("-")
+    return (int(first), int(last)) if item else None
 
 
 def versions() -> dict[str, str]:

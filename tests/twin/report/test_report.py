@@ -111,6 +111,20 @@ def test_a_warning_of_a_window_tells_its_frames(tmp_path: Path) -> None:
     assert "<b>motion, frames 173 to 276</b>: a hand" in _rendered(tmp_path)
 
 
+def test_of_a_window_that_was_solved_again_the_report_tells_the_second_time(tmp_path: Path) -> None:
+    with Run(tmp_path, "x") as stages:
+        for name, item, text in (
+            ("motion", "000173-000276", "no part was found"),
+            ("refine", "000173-000276-again", "no rest"),
+            ("labels", "000173-000276-again", "no rest"),
+        ):
+            stages.stage(name, 1, None, [], lambda text=text: warnings.warn(text, stacklevel=1), item=item)
+    page = _rendered(tmp_path)
+    assert "no part was found" not in page
+    assert page.count("no rest") == 1
+    assert "<b>refine, frames 173 to 276</b>: no rest" in page
+
+
 def test_results_of_an_earlier_twin_are_marked(
     finished: Path, twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
