@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,8 @@ def recall(recording: Recording, cameras: Trajectory, interactions: Sequence[Int
         }
         sought = _Window(recording, cameras, merged, interaction.window)
         asked = [k for k in range(len(merged.parts)) if k not in own and sought.may_show(k)]
-        paths, left_out = _recalled(sought, asked, list(own))
+        rivals = [k for k in own if merged.parts[k].carrier is None]
+        paths, left_out = _recalled(sought, asked, rivals)
         if paths:
             parts = tuple(sought.part(k, path) for k, path in paths.items())
             sources = tuple(_source(merged.shares[k][0], interactions) for k in paths)
@@ -111,11 +113,16 @@ class _Window:
     merged: Merged
     window: Window
 
+    @cached_property
+    def posed(self) -> list[int]:
+        """Its frames with a camera."""
+        return [f for f in self.cameras.frames.tolist() if self.window.first <= f <= self.window.last]
+
     def may_show(self, k: int) -> bool:
         """Whether frames show a part in different states before, in or after the window. One that is carried
         is left alone."""
         frames, state = self.merged.parts[k].motion.frames, self.merged.parts[k].motion.state
-        if not len(frames) or self.merged.parts[k].carrier is not None:
+        if not (len(frames) and self.posed) or self.merged.parts[k].carrier is not None:
             return False
         first = max(int(np.searchsorted(frames, self.window.first, side="right")) - 1, 0)
         last = int(np.searchsorted(frames, self.window.last)) + 1
@@ -124,13 +131,12 @@ class _Window:
     def path(self, k: int) -> Path:
         """The states of a merged part."""
         part = self.merged.parts[k]
-        inside = [f for f in self.cameras.frames.tolist() if self.window.first <= f <= self.window.last]
         motion = part.motion
         handled = np.logical_or.reduce([(motion.frames >= a) & (motion.frames <= b) for a, b in part.windows])
         states = dict(zip(motion.frames[handled].tolist(), motion.state[handled].tolist(), strict=True))
         surface = Surface(self.merged.surfaces[k])
         it = standing(part.joint, surface, states, self.recording, self.cameras)
-        return path_of(it, inside[::_EVERY], self.recording, self.cameras)
+        return path_of(it, self.posed[::_EVERY], self.recording, self.cameras)
 
     def lies_on(self, k: int, its: Path, j: int, other: Path) -> bool:
         """Whether a part, moved along a path, ends on the surface of another that moves along its own."""
@@ -172,7 +178,7 @@ def _recalled(sought: _Window, asked: Sequence[int], own: Sequence[int]) -> tupl
 
 
 def _together(path: Path, other: Path) -> bool:
-    """Whether two parts move at a time, as one hand can't; what stands still all the time is none."""
+    """Whether two parts move at a time, as by one hand they can't; one that never moves is told to."""
     if path.moving is None or other.moving is None:
         return True
     return path.moving[0] <= other.moving[1] and other.moving[0] <= path.moving[1]
