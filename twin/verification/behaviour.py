@@ -285,8 +285,6 @@ def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
 
 
 def _reconstruction_error(part: Part, lever: float) -> float:
-    """Three sigmas (m) of the part's farthest point by residual and frame noise; slow errors are followed.
-    A state that is kept from frame to frame, as between the times of a walk, is no measurement."""
-    bends = np.diff(part.motion.state, 2)
-    jitter = mad_sigma(bends[bends != 0]) / math.sqrt(6.0)
+    """Three sigmas (m) of the part's farthest point by residual and frame noise; slow errors are followed."""
+    jitter = mad_sigma(np.diff(part.motion.state, 2)) / math.sqrt(6.0)
     return max(FLOOR, _SIGMAS * math.hypot(jitter * lever, part.motion.residual))
