@@ -29,14 +29,14 @@ from twin.runs.stages import StageResult
 from twin.scene import Trajectory
 
 OWN_NOISE = Stage("window_noise", 1, ())
-FOUND_AGAIN = Stage("found_again", 1, ())
+FOUND_AGAIN = Stage("found_again", 2, ())
 
 
 @dataclass(frozen=True, eq=False)
 class Interaction:
     """What one window shows. Its frames count from 0, the window's first; its world is that of the cameras.
 
-    found: movers, tracks on the hand, parts by tracks. parts: those of `found`, refined. labels: label images
+    found: movers, and parts by tracks. parts: those of `found`, refined. labels: label images
     (H, W) of some frames.
     """
 

@@ -172,7 +172,6 @@ def as_merged(interaction: Interaction, number: int, merged: Merged) -> Interact
         table[old] = new
     found = FoundParts(
         interaction.found.movers,
-        interaction.found.hand,
         tuple(
             replace(t, part=replace(t.part, id=ids[t.part.id]))
             for t in interaction.found.parts

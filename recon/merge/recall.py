@@ -220,4 +220,4 @@ def found_again(recalled: Recalled, interaction: Interaction) -> FoundParts:
         share = float(members.sum()) / max(int(movers.moving.sum()), 1)
         tracks.append(PartTracks(replace(part, motion=replace(part.motion, inliers=share)), members, source))
     numbered = [replace(t, part=replace(t.part, id=FIRST_PART_ID + n)) for n, t in enumerate(tracks)]
-    return FoundParts(movers, found.hand, tuple(numbered))
+    return FoundParts(movers, tuple(numbered))

@@ -45,7 +45,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MOTION = Stage("motion", 29, ("motion", "joints"))
+MOTION = Stage("motion", 30, ("motion", "joints"))
 _DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
 # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 _CALM_ROUNDS = 2
@@ -85,7 +85,7 @@ def find_parts(
         nothing = f"{int(movers.moving.sum())} of {len(tracks)} tracked points leave their place"
         why = search.failed[0].problem if search.failed else nothing
         warnings.warn(f"no part was found: {why}", stacklevel=2)
-    return FoundParts(movers, search.hand, parts)
+    return FoundParts(movers, parts)
 
 
 def _said_parts(
@@ -118,7 +118,7 @@ def _said_parts(
             (part,) = search.found
             parts.append(replace(part, part=replace(part.part, id=FIRST_PART_ID + len(parts))))
             free &= ~part.members
-    return FoundParts(seen.movers, hand, tuple(parts))
+    return FoundParts(seen.movers, tuple(parts))
 
 
 def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:

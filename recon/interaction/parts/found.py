@@ -23,10 +23,9 @@ class PartTracks:
 
 @dataclass(frozen=True, eq=False)
 class FoundParts:
-    """The movers, the tracks (K,) that lie on the hand, and all parts."""
+    """The movers and all parts."""
 
     movers: Movers
-    hand: NDArray[np.bool_]
     parts: tuple[PartTracks, ...]
 
     def of(self, parts: Sequence[MovingPart]) -> tuple[PartTracks, ...]:

@@ -36,8 +36,8 @@ def drifting(e: PartEvidence, clip: Clip, share: float) -> PartEvidence:
     """The room shifts by a share of the part's median travel."""
     ends = [e.part.joint.pose(s) for s in (e.part.joint.lower, e.part.joint.upper)]
     a, b = (clip.mesh.vertices @ T[:3, :3].T + T[:3, 3] for T in ends)
-    movers, mask = movers_of(clip, background=share * float(np.median(np.linalg.norm(a - b, axis=1))))
-    return replace(e, scene=replace(e.scene, found=FoundParts(movers, np.zeros_like(mask), ())))
+    movers, _ = movers_of(clip, background=share * float(np.median(np.linalg.norm(a - b, axis=1))))
+    return replace(e, scene=replace(e.scene, found=FoundParts(movers, ())))
 
 
 def shown_in(e: PartEvidence, frames: int) -> PartEvidence:

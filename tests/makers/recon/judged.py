@@ -64,7 +64,7 @@ def _with(clip: Clip, labels: Any) -> PartEvidence:
     movers, mask = movers_of(clip)
     part = part_of(clip)
     tracks = PartTracks(part, mask, "motion")
-    found = FoundParts(movers, np.zeros_like(mask), (tracks,))
+    found = FoundParts(movers, (tracks,))
     scene = SceneEvidence(clip.recording, clip.cameras, labels, found, clip.static, ((part, clip.mesh),))
     return PartEvidence(scene, part, clip.mesh, tracks)
 

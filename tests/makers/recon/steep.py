@@ -61,9 +61,7 @@ def steep(pitch_deg: float, with_part: bool = True) -> Steep:
     seen = np.isfinite(points[..., 0])
     movers = Movers(points, seen, np.ones(1, bool), np.ones(1, bool))
     parts = (part,) if with_part else ()
-    found = FoundParts(
-        movers, np.zeros(1, bool), tuple(PartTracks(p, np.ones(1, bool), "motion") for p in parts)
-    )
+    found = FoundParts(movers, tuple(PartTracks(p, np.ones(1, bool), "motion") for p in parts))
     fused = FusedScene(static.transformed(T), {2: mesh.transformed(T)} if with_part else {})
     return Steep(
         recording, World(start.transformed(guessed), as_one(recording, found), parts, fused), T[:3, 2]

@@ -73,7 +73,7 @@ def _interaction(visit: Visit, first: int, order: Array, T: Array) -> Interactio
     )
     assert np.isfinite(start)
     none = Movers(np.zeros((n, 0, 3)), np.zeros((n, 0), bool), np.zeros(0, bool), np.zeros(0, bool))
-    found = FoundParts(none, np.zeros(0, bool), (PartTracks(part, np.zeros(0, bool), "motion"),))
+    found = FoundParts(none, (PartTracks(part, np.zeros(0, bool), "motion"),))
     labels = {int(np.flatnonzero(order == f)[0]): image for f, image in clip.labels.items()}
     return Interaction(Window(first, first + n - 1), found, (part,), dict(sorted(labels.items())))
 

@@ -13,6 +13,7 @@ from recon.interaction.motion.movers import Movers
 from recon.interaction.parts.found import FoundParts, PartTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.merge import Merged, merge
+from recon.merge.recall import recall
 from recon.merge.relabel import all_labels
 from recon.recording import Recording
 from recon.windows.windows import Window
@@ -91,7 +92,7 @@ def visits(basket_stays: bool = False) -> Visits:
         for number, name in names.items():
             table[number] = name
         none = Movers(np.zeros((N, 0, 3)), np.zeros((N, 0), bool), np.zeros(0, bool), np.zeros(0, bool))
-        tracks = FoundParts(none, np.zeros(0, bool), (PartTracks(part, np.zeros(0, bool), "motion"),))
+        tracks = FoundParts(none, (PartTracks(part, np.zeros(0, bool), "motion"),))
         labels = {f - N * k: table[images[f]] for f in frames}
         found.append(Interaction(Window(frames[0], frames[-1]), tracks, (part,), labels))
     return Visits(recording, cameras, tuple(found), pulled, slid)
@@ -106,6 +107,18 @@ def test_a_basket_in_a_drawer_is_mounted_on_it() -> None:
 
 def test_a_basket_under_which_the_drawer_is_pulled_out_is_not() -> None:
     assert all(p.carrier is None for p in visits(basket_stays=True).merged().parts)
+
+
+def test_a_basket_is_not_recalled_where_its_drawer_takes_it_along() -> None:
+    told = visits()
+    opened, aside, shut = told.found
+    assert recall(told.recording, told.cameras, told.found).again == ()
+    missed = replace(shut, parts=(), found=replace(shut.found, parts=()), labels={})
+    (again,) = recall(told.recording, told.cameras, (opened, aside, missed)).again
+    (part,) = again.parts
+    assert again.interaction == 2
+    axis = geo.rotate(told.cameras.T_world_cam[0], part.joint.axis)
+    assert geo.line_angle(axis, PULL.axis) < 0.01
 
 
 def test_what_is_carried_is_everywhere_where_its_carrier_takes_it() -> None:

@@ -30,7 +30,7 @@ World = tuple[Recording, Trajectory, tuple[Interaction, ...]]
 def without_parts(interaction: Interaction) -> Interaction:
     """An interaction in which no part was found."""
     labels = {f: np.minimum(image, 1).astype(np.uint8) for f, image in interaction.labels.items()}
-    found = FoundParts(interaction.found.movers, interaction.found.hand, ())
+    found = FoundParts(interaction.found.movers, ())
     return replace(interaction, found=found, parts=(), labels=labels)
 
 
@@ -41,7 +41,7 @@ def mis_solved(interaction: Interaction) -> Interaction:
     motion = Motion(part.motion.frames, part.motion.times, np.linspace(0.0, 0.2, n), part.motion.intervals)
     wrong = MovingPart(part.id, Prismatic(axis=np.array([0, 0, 1.0]), lower=0.0, upper=0.2), motion)
     tracks = PartTracks(wrong, np.zeros(0, bool), "motion")
-    found = FoundParts(interaction.found.movers, interaction.found.hand, (tracks,))
+    found = FoundParts(interaction.found.movers, (tracks,))
     return replace(interaction, found=found, parts=(wrong,))
 
 

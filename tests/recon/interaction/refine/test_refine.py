@@ -31,7 +31,7 @@ def door(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _found(part: MovingPart, frames: int) -> FoundParts:
     none = np.zeros(0, dtype=bool)
     movers = Movers(np.zeros((frames, 0, 3)), np.zeros((frames, 0), dtype=bool), none, none)
-    return FoundParts(movers, none, (PartTracks(part, none, "given"),))
+    return FoundParts(movers, (PartTracks(part, none, "given"),))
 
 
 def test_a_wrong_start_comes_back_to_the_truth_and_says_how_sure_it_is(door: Path) -> None:
