@@ -3,86 +3,35 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
-from benchmarks.walk_rates import lines, pooled
 from recon.evaluation.evaluate import evaluate, match_parts
-from recon.evaluation.metrics import Span
-from recon.evaluation.truth import Truth, TruthPart
+from recon.evaluation.truth import Truth
 from recon.evaluation.walk_rows import summary, walk_rows, walk_table
 from recon.evaluation.walk_scores import IntervalCounts, LocalErrors, WalkScores
 from recon.evaluation.walks import is_walk, state_counts, walk_scores
-from tests.makers.recon.tiny import DRAWER, JOINTS, STATIC, cameras, in_world, smooth, twin_of
+from tests.makers.recon.tiny import DRAWER, JOINTS, in_world, twin_of
+from tests.makers.recon.walked import BESIDE, FRAMES, score, true_part, truth_of, walked, with_part
 from tests.makers.twin.judged import DOUBT
 from twin import geometry as geo
-from twin.errors import InputError
-from twin.geometry import Array
-from twin.scene import Joint, Mesh, Part, Trajectory, Twin
+from twin.scene import Mesh, Part, Trajectory, Twin
 from twin.verdict import Verdict
 
-FPS = 15
-FRAMES = 90 * FPS
-BESIDE = geo.make_pose(translation=[0.45, 0.0, 0.0])
 FAR = geo.make_pose(translation=[0.0, 0.0, 1.0])
-
-
-def course(travel: float, *moves: tuple[int, int, float]) -> Array:
-    """States (n,) of moves (last frame at rest, first one after it, share of the travel by which it goes)."""
-    return travel * sum((share * smooth(FRAMES, a, b) for a, b, share in moves), np.zeros(FRAMES))
-
-
-def true_part(
-    id: int, name: str, joint: Joint, mesh: Mesh, grip: Array, states: Array, spans: list[Span]
-) -> TruthPart:
-    return TruthPart(id, name, joint, states, joint.poses(states), mesh, tuple(spans), grip)
-
-
-def truth_of(*parts: TruthPart) -> Truth:
-    """A walk with these parts: each has a band of the label images."""
-    image = np.ones((40, 30), dtype=np.uint8)
-    for k, p in enumerate(parts):
-        image[5 * k : 5 * k + 5, :20] = p.id
-    frames = np.arange(FRAMES)
-    path = Trajectory(frames, frames / FPS, cameras(FRAMES))
-    labels = dict.fromkeys(range(0, FRAMES, 100), image)
-    return Truth(Path("walk/truth"), FRAMES, path, parts, labels, STATIC)
 
 
 @pytest.fixture(scope="module")
 def truth() -> Truth:
-    """A door that stays open for a minute, a drawer opened and shut twice, its like beside it, left open."""
-    door, door_mesh, door_grip = JOINTS["door"]
-    slide, _, grip = JOINTS["drawer"]
-    again = course(0.3, (300, 345, 1), (360, 405, -1), (800, 845, 1), (860, 905, -1))
-    return truth_of(
-        true_part(
-            2, "door", door, door_mesh, door_grip,
-            course(1.2, (75, 135, 1), (1050, 1095, -1)), [(75, 135), (1050, 1095)],
-        ),
-        true_part(
-            3, "drawer", slide, DRAWER, grip, again, [(300, 345), (360, 405), (800, 845), (860, 905)],
-        ),
-        true_part(
-            4, "drawer_right", slide, DRAWER.transformed(BESIDE), geo.transform(BESIDE, grip[None])[0],
-            course(0.3, (600, 660, 1)), [(600, 660)],
-        ),
-    )  # fmt: skip
+    return walked()
 
 
 @pytest.fixture(scope="module")
 def exact(truth: Truth) -> Twin:
     return twin_of(truth)
-
-
-def with_part(twin: Twin, name: str, change: Callable[[Part], Part]) -> Twin:
-    return replace(twin, parts=tuple(change(p) if p.name == name else p for p in twin.parts))
 
 
 def without(twin: Twin, name: str) -> Twin:
@@ -97,11 +46,6 @@ def only(part: Part, keep: NDArray[np.bool_]) -> Part:
     """A part whose state is known in some frames only (n,) bool."""
     m = part.motion
     return replace(part, motion=replace(m, frames=m.frames[keep], times=m.times[keep], state=m.state[keep]))
-
-
-def score(walk: WalkScores, name: str) -> tuple[str | None, str | None]:
-    part = next(p for p in walk.parts if p.name == name)
-    return part.found, part.cause
 
 
 def rows(walk: WalkScores) -> dict[str, tuple[float | None, float | None]]:
@@ -317,98 +261,6 @@ def test_wrong_masks_and_no_masks_are_not_right(truth: Truth, exact: Twin) -> No
     assert score(walk_scores(replace(exact, labels=half), truth), "door") == ("door", "labels")
 
 
-def bent(exact: Twin, frame: int, T: Array) -> Trajectory:
-    """Cameras whose world is another from a frame on."""
-    c = exact.cameras
-    assert c is not None
-    return replace(
-        c, T_world_cam=np.where((c.frames >= frame)[:, None, None], T @ c.T_world_cam, c.T_world_cam)
-    )
-
-
-def test_a_bend_between_interactions_costs_the_loop_and_nothing_local(truth: Truth, exact: Twin) -> None:
-    walk = walk_scores(
-        replace(exact, cameras=bent(exact, 500, geo.make_pose(translation=[0.02, 0, 0]))), truth
-    )
-    assert max(walk.local.mm) < 1e-9
-    assert walk.pieces[0].ate_mm == pytest.approx(20 * np.sqrt(500 * 850) / FRAMES, rel=1e-3)
-
-
-def test_local_errors_are_those_of_pairs_inside_an_interaction(truth: Truth, exact: Twin) -> None:
-    """Of the door's opening, the pairs with a jump of 3 mm between them."""
-    walk = walk_scores(
-        replace(exact, cameras=bent(exact, 100, geo.make_pose(translation=[0.003, 0, 0]))), truth
-    )
-    a, b = truth.parts[0].spans[0]
-    assert b - a < 60
-    off = np.array(walk.local.mm)
-    assert np.sum(off > 1.0) == (100 - a) * (b - 100 + 1)
-    np.testing.assert_allclose(off[off > 1.0], 3.0)
-    assert (
-        len(off)
-        == walk.local.pairs
-        == sum((n := d - c + 1) * (n - 1) // 2 for p in truth.parts for c, d in p.spans)
-    )
-    turned = walk_scores(
-        replace(exact, cameras=bent(exact, 100, geo.make_pose(geo.exp_so3([0, 0, 0.01])))), truth
-    )
-    assert max(turned.local.deg) == pytest.approx(np.degrees(0.01))
-
-
-def test_pairs_are_at_most_sixty_frames_apart() -> None:
-    joint, mesh, grip = JOINTS["drawer"]
-    long = truth_of(true_part(2, "drawer", joint, mesh, grip, course(0.3, (100, 300, 1)), [(100, 300)]))
-    a, b = long.parts[0].spans[0]
-    assert b - a > 100
-    assert walk_scores(twin_of(long), long).local.pairs == sum(b - a + 1 - d for d in range(1, 61))
-
-
-def test_pieces_that_were_not_joined_are_aligned_each_for_itself(truth: Truth, exact: Twin) -> None:
-    """The second half of the walk, and the part that moves there, lie in a world of their own."""
-    T = geo.make_pose(geo.exp_so3([0, 0, 1.0]), [2.0, 0, 0])
-    moved = {p.name: p for p in in_world(exact, T).parts}
-    torn = with_part(replace(exact, cameras=bent(exact, 610, T)), "drawer_right", lambda p: moved[p.name])
-    assert walk_scores(torn, truth).pieces[0].ate_mm > 100.0
-    pieces = [(610, FRAMES - 1), (0, 609)]
-    walk = walk_scores(torn, truth, pieces)
-    assert [(p.first, p.last, p.frames) for p in walk.pieces] == [
-        (0, 609, 610),
-        (610, FRAMES - 1, FRAMES - 610),
-    ]
-    assert max(p.ate_mm for p in walk.pieces) < 1e-6
-    assert "ATE of the piece 0..609" in walk_table(walk)
-    assert score(walk, "drawer_right") == ("drawer_right", None)
-    a, b = truth.parts[2].spans[0]
-    assert walk.local.pairs - len(walk.local.mm) == (610 - a) * (b - 610 + 1)
-    assert max(walk.local.mm) < 1e-6
-
-
-def test_frames_have_a_pose_a_named_gap_or_neither(truth: Truth, exact: Twin) -> None:
-    c = exact.cameras
-    assert c is not None
-    keep = (c.frames < 500) | (c.frames >= 540)
-    holed = replace(exact, cameras=Trajectory(c.frames[keep], c.times[keep], c.T_world_cam[keep]))
-    poses = walk_scores(holed, truth, gaps=[(495, 519), (510, 529)]).poses
-    assert (poses.frames, poses.posed, poses.named, poses.neither) == (FRAMES, FRAMES - 40, 30, 10)
-
-
-def test_wrong_pieces_and_gaps_are_named(truth: Truth, exact: Twin) -> None:
-    for pieces, said in (
-        ([(0, 700), (700, FRAMES)], "two pieces .* frame 700"),
-        ([(0, 700)], "frame 701 has a pose and lies in no piece"),
-        ([(0, FRAMES), (FRAMES + 1, FRAMES + 9)], "no frame of the piece 1351"),
-        ([], "frame 0 has a pose"),
-    ):
-        with pytest.raises(InputError, match=said):
-            walk_scores(exact, truth, pieces)
-    with pytest.raises(InputError, match=r"gap 9\.\.3 does not lie"):
-        walk_scores(exact, truth, gaps=[(9, 3)])
-    with pytest.raises(InputError, match="no cameras"):
-        walk_scores(replace(exact, cameras=None), truth)
-    with pytest.raises(InputError, match="doesn't tell meshes, labels"):
-        walk_scores(exact, replace(truth, known=truth.known - {"meshes", "labels"}))
-
-
 def test_of_a_part_moved_twice_what_lies_between_is_not_moving(truth: Truth) -> None:
     door = truth.parts[0]
     (a, b), (c, d) = door.spans
@@ -446,31 +298,3 @@ def test_evaluate_prints_the_walk_of_a_walk_alone(truth: Truth, exact: Twin) -> 
     blind = evaluate(exact, replace(truth, known=less))
     assert blind.walk is None
     assert blind.remarks[0] == "no measures of a walk: the truth doesn't tell labels"
-
-
-def test_rates_of_walks_are_those_of_their_sums(truth: Truth, exact: Twin) -> None:
-    ghost = replace(exact.part("drawer"), id=9, name="ghost", mesh=DRAWER.transformed(FAR))
-    bad = walk_scores(and_part(without(exact, "drawer"), ghost), truth)
-    good = walk_scores(exact, truth)
-    two = pooled([good, bad])
-    assert (two.walks, two.parts, two.found, two.right, two.rooms_right) == (2, 6, 5, 5, 1)
-    assert (two.trusted, two.trusted_right, two.invented_trusted, two.invented_untrusted) == (6, 5, 1, 0)
-    assert two.intervals == IntervalCounts(10, 14, 14)
-    assert two.intervals_matched == IntervalCounts(10, 10, 10)
-    assert two.states.right == good.states.right + bad.states.right
-    assert pooled([bad, good]) == two
-    assert pooled([good, good]).local.quantile(0.9) == good.local.quantile(0.9)
-    texts = dict(lines(two))
-    low, high = binomtest(5, 6).proportion_ci(method="wilson")
-    assert texts["parts found"] == f"5/6 = 83 % [{100 * low:.0f}-{100 * high:.0f}]"
-    assert texts["rooms right"].startswith("1/2 = 50 %")
-    assert texts["interaction F1, all"] == "0.714"
-    nothing = dict(lines(pooled([])))
-    assert {v for k, v in nothing.items() if "part" in k or "pose" in k or "local" in k} == {"-"}
-
-
-def test_the_error_of_paths_is_over_all_their_frames(truth: Truth, exact: Twin) -> None:
-    torn = walk_scores(exact, truth, [(0, 449), (450, FRAMES - 1)])
-    pieces = (replace(torn.pieces[0], ate_mm=6.0), replace(torn.pieces[1], ate_mm=3.0))
-    both = pooled([replace(torn, pieces=pieces)])
-    assert (both.torn, both.ate_mm) == (1, pytest.approx(np.sqrt((36 + 2 * 9) / 3)))
