@@ -24,6 +24,7 @@ from robots.planning.ik import PathSolver
 from robots.planning.joint_path import refined
 from robots.planning.timing import Effort
 from robots.reasons import reason_of
+from robots.scene.as_handled import as_handled
 from robots.scene.world import completed
 from robots.simulation.faults import SLIP_LIMIT
 from robots.simulation.replay import replay
@@ -57,6 +58,8 @@ def plan(
 ) -> RobotTrajectory:
     """Plan how a robot opens or closes a part the way the person held it.
 
+    What carries the part stands as it stood when the person first handled it (`as_handled`).
+
     Args:
         twin: shapes, masses and friction that it lacks are made; for a replay give a `completed` one.
         part: id or name.
@@ -81,6 +84,7 @@ def plan(
             which state and by how much.
     """
     config = config or PlanConfig()
+    twin = as_handled(twin, twin.part(part))
     target = twin.part(part)
     spec = resolve(robot)
     task = task_of(target, goal, from_state)

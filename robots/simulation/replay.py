@@ -20,6 +20,7 @@ from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.skin import skin_of
 from robots.model.spec import RobotSpec
+from robots.scene.as_handled import as_handled
 from robots.scene.world import PART, ROBOT, STATIC, World, build_world, completed
 from robots.simulation.impedance import EVERY, Impedance
 from robots.simulation.record import Contact, Record
@@ -74,7 +75,8 @@ def replay(
             f"the trajectory moves {trajectory.joint_names}, robot {spec.name!r} has {spec.arm_joints}",
             "replay it with the robot it was planned for",
         )
-    twin = completed(twin)
+    twin = as_handled(completed(twin), part)
+    part = twin.part(part.id)
     started = time.perf_counter()
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robots.config import ReplayConfig
 from robots.model.catalog import resolve
+from robots.scene.as_handled import as_handled
 from robots.scene.world import build_world, completed
 from robots.trajectory import RobotTrajectory
 from robots.trials.batch import Tell, replay_all
@@ -53,7 +54,7 @@ def run_trials(
     """
     check_request(trials, seed)
     config = config or ReplayConfig()
-    twin = completed(twin)
+    twin = as_handled(completed(twin), twin.part(trajectory.part_id))
     part = twin.part(trajectory.part_id)
     world = build_world(
         twin, resolve(robot or trajectory.robot), trajectory.T_world_base, trajectory.pedestal

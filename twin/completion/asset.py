@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.completion.placed import placed
 from twin.errors import InputError
 from twin.files.text import read_json, write_json
 from twin.geometry import Array
 from twin.inferred import Completion
+from twin.placed import placed
 from twin.scene import Mesh, Twin
 
 Geometry = Literal["seen", "bounded", "complete"]

@@ -8,9 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from recon.interaction.joints.config import LIMIT_QUANTILE
+from recon.interaction.joints.sign_and_limits import smoothed
 from recon.interaction.motion.intervals import state_intervals
 from recon.interaction.motion.movers import Movers
-from recon.interaction.parts.changed.compete import Witnessed, witnessed
+from recon.interaction.parts.changed.compete import Witnessed, followers, witnessed
 from recon.interaction.parts.changed.search import MEANWHILE, carried_along, together
 from recon.interaction.parts.found import PartTracks
 from recon.interaction.parts.moving_part import MovingPart
@@ -43,7 +45,8 @@ def reconciled_parts(
     """The parts by both witnesses, at most `most`.
 
     A joint that both find is taken from the tracks, which are finer, unless depth contradicts their states:
-    tracks that slip along a part or lie on the hand know its joint but not its way. If depth finds a part,
+    tracks that slip along a part or lie on the hand know its joint but not its way. Where they slip for a
+    part of the way, the states there are depth's. If depth finds a part,
     track-only parts that depth does not confirm are dropped with a warning: corners that drift along edges
     follow some joint as well. Many tracks with a sure axis need no confirmation: a part that depth finds
     moving meanwhile is the same part, badly seen.
@@ -60,7 +63,7 @@ def reconciled_parts(
             if not _goes_along(w, seen) and not any(_meanwhile(w, f, cameras) for f in firm):
                 parts.append(_of_depth(w, recording, cameras, movers))
         elif w.by_tracks not in taken:
-            parts.append(found[w.by_tracks])
+            parts.append(_mended(w, found[w.by_tracks], movers))
         taken.add(w.by_tracks)
     for f in left:
         if not _firm(f):
@@ -97,6 +100,19 @@ def _warn(left: PartTracks) -> None:
         f"{tracks} tracks follow a joint ({range_text(left.part.joint)}) by which no changed surface moves: left out",
         stacklevel=4,
     )
+
+
+def _mended(w: Witnessed, told: PartTracks, movers: Movers) -> PartTracks:
+    """The tracks' part, with states by depth where its tracks slip: those are not of it."""
+    if w.mended is None:
+        return told
+    joint, m = told.part.joint, told.part.motion
+    low, high = np.quantile(smoothed(w.mended), (LIMIT_QUANTILE, 1.0 - LIMIT_QUANTILE))
+    joint = replace(joint, lower=min(float(low), 0.0), upper=max(float(high), 0.0))
+    spans = state_intervals(m.frames, w.mended, joint.sigma.state if joint.sigma is not None else 0.0)
+    motion = replace(m, state=w.mended, intervals=tuple((i.first, i.last) for i in spans))
+    members = followers(joint, m.frames, w.mended, movers)
+    return PartTracks(replace(told.part, joint=joint, motion=motion), members, told.type_source)
 
 
 def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers) -> PartTracks:

@@ -145,6 +145,6 @@ def twin_of(part: Part, static: Sequence[Piece] = (*CABINET, *ROOM)) -> Twin:
 
 def moved(twin: Twin, yaw: float, shift: Sequence[float]) -> Twin:
     """The twin in another level frame."""
-    from twin.completion.placed import placed
+    from twin.placed import placed
 
     return placed(twin, geo.make_pose(geo.exp_so3([0.0, 0.0, yaw]), shift))

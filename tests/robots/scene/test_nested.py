@@ -15,6 +15,7 @@ from robots.config import PlanConfig
 from robots.model.catalog import resolve
 from robots.model.dynamics import part_load, with_payload
 from robots.planning.joint_path import moves_alone
+from robots.scene.as_handled import as_handled
 from robots.scene.world import build_world, completed
 from robots.simulation.replay import simulate
 from twin import geometry as geo
@@ -121,3 +122,32 @@ def test_a_nested_part_is_opened_and_closed_while_the_other_rests(part, goal):
         (other,) = (p for p in twin.parts if p.name != part)
         strayed = np.abs(frames[:, world.part_qpos[other.id]]).max()
         assert strayed < most, "nothing holds the other part but its friction: rad or m"
+
+
+def test_a_basket_is_moved_in_the_drawer_that_stands_open_as_when_it_was_handled():
+    """A slide in a drawer, moved to the side while the drawer stands open: shut, the cabinet is around it."""
+    twin = furniture.drawer()
+    drawer = twin.parts[0]
+    states = np.array([0.0, 0.3, 0.3, 0.3, 0.3])
+    pulled = replace(
+        drawer.motion, frames=np.arange(5), times=np.arange(5) / 10.0, state=states, intervals=((0, 1),)
+    )
+    tray = furniture.laden_door(1.0).part("pull_out")
+    handled = replace(tray.motion, intervals=((2, 4),))
+    basket = replace(tray, id=9, name="basket", parent=drawer.id, motion=handled)
+    both = replace(twin, parts=(replace(drawer, motion=pulled), basket))
+    stood = as_handled(both, basket)
+    open_by = drawer.joint.axis * 0.3
+    np.testing.assert_allclose(stood.part("basket").mesh.vertices, basket.mesh.vertices + open_by, atol=1e-12)
+    np.testing.assert_allclose(
+        stood.part(drawer.id).mesh.vertices, drawer.mesh.vertices + open_by, atol=1e-12
+    )
+    assert stood.part(drawer.id).joint.lower == pytest.approx(drawer.joint.lower - 0.3)
+    assert as_handled(stood, stood.part("basket")) is stood
+    assert as_handled(both, both.part(drawer.id)) is both
+    assert as_handled(both, replace(basket, motion=replace(handled, intervals=()))) is both
+    with_basket = robots.plan(both, "basket", config=replace(FAST, rehearse=False))
+    held = with_basket.T_world_tool[with_basket.phases.index("move"), :3, 3]
+    assert held == pytest.approx(basket.contact.point + open_by, abs=0.03)
+    report = robots.replay(both, with_basket, video=False)
+    assert report.ok, report.reason

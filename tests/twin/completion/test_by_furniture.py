@@ -11,7 +11,7 @@ from tests.makers.twin import scans
 from tests.makers.twin.layers import layer, pieces
 from twin import geometry as geo
 from twin.completion.infer import infer
-from twin.completion.placed import placed
+from twin.placed import placed
 from twin.scene import Box, Twin
 
 # A room around all: floor, and walls that no furniture stands at.

@@ -31,7 +31,8 @@ _COARSE_M = 0.015
 class Witnessed:
     """A joint by depth with a state for each posed frame, and the tracks (K,) that follow it.
 
-    by_tracks: the tracks' part of the same joint, or None. as_well: see `ChangedPart.as_well`.
+    by_tracks: the tracks' part of the same joint, or None. mended: see `ChangedPart.mended`, None where the
+    tracks' own states (n,) stay. as_well: of the tracks' own states, of the mended ones where most stay.
     """
 
     joint: Joint
@@ -39,6 +40,7 @@ class Witnessed:
     followers: NDArray[np.bool_]
     by_tracks: int | None
     as_well: float = 1.0
+    mended: Array | None = None
 
 
 def witnessed(
@@ -53,18 +55,18 @@ def witnessed(
     for part in changed_parts(recording, cameras, known):
         oriented = part.oriented(LIMIT_QUANTILE)
         state = np.interp(cameras.frames, part.frames, oriented.state)
-        same = [k for k, p in enumerate(tracked) if _same(oriented.joint, p.joint, part)]
-        motions = [tracked[k].motion for k in same]
-        as_well = [part.as_well(known[k], m.frames, m.state) for k, m in zip(same, motions, strict=True)]
-        out.append(
-            Witnessed(
-                replace(oriented.joint, covariance=None),
-                state,
-                followers(oriented.joint, cameras.frames, state, movers),
-                same[0] if same else None,
-                as_well[0] if same else 1.0,
-            )
+        its = Witnessed(
+            replace(oriented.joint, covariance=None),
+            state,
+            followers(oriented.joint, cameras.frames, state, movers),
+            next((k for k, p in enumerate(tracked) if _same(oriented.joint, p.joint, part)), None),
         )
+        if its.by_tracks is not None:
+            joint, m = known[its.by_tracks], tracked[its.by_tracks].motion
+            mended, mostly = part.mended(joint, m.frames, m.state)
+            as_well = part.as_well(joint, m.frames, mended if mostly else m.state)
+            its = replace(its, as_well=as_well, mended=None if mended is m.state else mended)
+        out.append(its)
     return out
 
 

@@ -40,6 +40,9 @@ MEANWHILE = 0.5
 _CREEPS = 0.1
 # Greatest ratio of the tracks' travel to depth's: .85 to 1.05 in 15 right open recordings, 1.75 if wrong.
 _FARTHER = 1.4
+# Standard deviations of depth's states by which those of tracks leave them where the tracks slip, and share
+# of the moving frames up to which most stay. Chosen by us.
+_SLIPS, _MOSTLY = 3.0, 0.5
 # Sine of a way to a surface that the part slides along.
 _ALONG = 0.25
 # Ratio by which a hinge must explain more than a slide, for its two further unknowns.
@@ -82,6 +85,22 @@ class ChangedPart:
         if farther > _FARTHER:
             return 0.0
         return self._worth(joint, its) / max(self._worth(self.joint, self.state), 1e-12)
+
+    def mended(self, joint: Proposed, frames: NDArray[np.int64], state: Array) -> tuple[Array, bool]:
+        """States (n,) of frames (n,) by another joint, with those of depth where they are far from these, if
+        so depth agrees better; and whether most states of the way stay. Tracks slip, or lie on a hand that
+        lets go."""
+        sense = np.sign(joint.axis @ self.joint.axis)
+        own = sense * np.interp(frames, self.frames, self.state)
+        own = own + np.median(state - own)
+        slips = np.abs(state - own) > _SLIPS * _SIGMA[self.joint.kind]
+        if self._silent or not slips.any():
+            return state, True
+        mended = np.where(slips, own, state)
+        its, told = (np.interp(self.frames, frames, s) for s in (state, mended))
+        if self._worth(joint, told) <= self._worth(joint, its):
+            return state, True
+        return mended, float(slips[_moving(own)].mean()) <= _MOSTLY
 
     @property
     def _silent(self) -> bool:
@@ -153,9 +172,14 @@ def _worth_telling(found: Sequence[ChangedPart]) -> list[ChangedPart]:
 
 def together(state: Array, other: Array) -> float:
     """Share of the frames of change of states (n,) in which others (n,) change, too."""
-    mine, its = (np.abs(np.gradient(s)) for s in (state, other))
-    moving = mine > _CREEPS * mine.max()
-    return float((its[moving] > _CREEPS * its.max()).mean()) if moving.any() else 1.0
+    moving = _moving(state)
+    return float(_moving(other)[moving].mean()) if moving.any() else 1.0
+
+
+def _moving(state: Array) -> NDArray[np.bool_]:
+    """The frames (n,) of change of states (n,)."""
+    steps = np.abs(np.gradient(state))
+    return np.asarray(steps > _CREEPS * steps.max())
 
 
 def carried_along(state: Array, other: Array) -> float:

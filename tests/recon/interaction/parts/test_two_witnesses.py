@@ -138,6 +138,25 @@ def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) 
     np.testing.assert_array_equal(part.part.motion.state, true)
 
 
+def test_where_tracks_slip_for_a_part_of_the_way_states_are_depths(clip: Clip) -> None:
+    """At the end they lie on the hand that lets go and goes back by a sixth of the way. A strip that slides
+    in its own plane tells nothing."""
+    none, true = np.zeros(0, bool), clip.part.motion.state
+    back = np.where(np.arange(26) >= 24, true - true[-1] / 6, true)
+    (found,) = witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, back)])
+    told = [PartTracks(with_states(clip, back), none, "motion")]
+    (part,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
+    assert part.type_source == "motion"
+    if found.mended is None:
+        assert clip.part.joint.kind == "prismatic"
+        assert clip.part.joint.axis @ [0.0, 1.0, 0.0] == pytest.approx(0.0)
+        return
+    near = {"revolute": np.radians(4.0), "prismatic": 0.02}[clip.part.joint.kind]
+    assert part.part.motion.state[24:] == pytest.approx(true[24:], abs=near)
+    np.testing.assert_array_equal(part.part.motion.state[:24], back[:24])
+    assert part.part.joint.upper == pytest.approx(true.max(), abs=near)
+
+
 def test_states_that_run_on_out_of_view_are_none_of_the_part() -> None:
     """In the first frames no depth is known, so that all other frames agree with whatever the tracks say of
     them."""

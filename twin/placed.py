@@ -1,7 +1,8 @@
-"""A twin in another world frame."""
+"""A twin in another world frame, or with other zeros of its states."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from twin import geometry as geo
 from twin.contacts import moved_contact
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
-from twin.scene import Collision, HandleSection, Inertial, Part, Twin
+from twin.scene import Collision, HandleSection, Inertial, Joint, Part, Twin
 
 
 def placed(twin: Twin, T_new_old: Array) -> Twin:
@@ -18,19 +19,6 @@ def placed(twin: Twin, T_new_old: Array) -> Twin:
 
     T_new_old: (4, 4), level: z stays up.
     """
-
-    def moved(part: Part) -> Part:
-        return replace(
-            part,
-            mesh=part.mesh.transformed(T_new_old),
-            joint=part.joint.transformed(T_new_old),
-            inertial=None if part.inertial is None else _inertial(part.inertial, T_new_old),
-            contact=None if part.contact is None else moved_contact(part.contact, T_new_old),
-            handle=None if part.handle is None else _handle(part.handle, T_new_old),
-            collision=_shapes(part.collision, T_new_old),
-            completion=None if part.completion is None else _completion(part.completion, T_new_old),
-        )
-
     static = twin.static
     return replace(
         twin,
@@ -40,8 +28,40 @@ def placed(twin: Twin, T_new_old: Array) -> Twin:
             collision=_shapes(static.collision, T_new_old),
             completion=None if static.completion is None else _completion(static.completion, T_new_old),
         ),
-        parts=tuple(moved(p) for p in twin.parts),
+        parts=tuple(_moved(p, T_new_old, p.joint.transformed(T_new_old)) for p in twin.parts),
         cameras=None if twin.cameras is None else twin.cameras.transformed(T_new_old),
+    )
+
+
+def counted_from(twin: Twin, states: Mapping[int, float]) -> Twin:
+    """The same twin with its states counted from others: state 0 of each part is where it stands when the
+    parts of these ids are at `states`, the rest at 0. What a part carries goes along."""
+    if not any(states.values()):
+        return twin
+
+    def counted(part: Part) -> Part:
+        zero, motion = states.get(part.id, 0.0), part.motion
+        joint = part.joint
+        if part.parent is not None:
+            joint = joint.transformed(twin.part_pose(part.parent, states))
+        joint = replace(joint, lower=joint.lower - zero, upper=joint.upper - zero)
+        moved = _moved(part, twin.part_pose(part.id, states), joint)
+        return replace(moved, motion=replace(motion, state=motion.state - zero))
+
+    return replace(twin, parts=tuple(counted(p) for p in twin.parts))
+
+
+def _moved(part: Part, T: Array, joint: Joint) -> Part:
+    """All shapes and masses of a part moved by T (4, 4), with another joint."""
+    return replace(
+        part,
+        mesh=part.mesh.transformed(T),
+        joint=joint,
+        inertial=None if part.inertial is None else _inertial(part.inertial, T),
+        contact=None if part.contact is None else moved_contact(part.contact, T),
+        handle=None if part.handle is None else _handle(part.handle, T),
+        collision=_shapes(part.collision, T),
+        completion=None if part.completion is None else _completion(part.completion, T),
     )
 
 
