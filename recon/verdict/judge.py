@@ -21,7 +21,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import LEVELS, Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 33, ())
+VERDICT = Stage("verdict", 34, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = ("HandWhereNobodyIs", "HandMovesNothing", "Unexplained", "StaticSeenThrough")
 # What a short motion leaves unsure: sigmas of one fit, which grow together
@@ -75,14 +75,14 @@ def judge(
     them that have a surface, counted from their closed end. faults: what the recording's inspection says
     against what is made of it, a frame's fault against the parts handled in its windows.
 
-    A part is worth what its best interaction shows: another look at it adds no doubt.
+    A part is worth what its interactions show together: see `of_looks`.
     """
     told = _Told(recording, cameras, labels, parts, fused, finished)
-    best: dict[int, Verdict] = {}
+    looks: dict[int, list[Verdict]] = {}
     for interaction in interactions:
         for k, verdict in told.verdicts(interaction).items():
-            if k not in best or _worth(verdict) > _worth(best[k]):
-                best[k] = verdict
+            looks.setdefault(k, []).append(verdict)
+    best = {k: of_looks(verdicts) for k, verdicts in looks.items()}
     # What is wrong with the recording comes first: it may be the cause of all else.
     windows = {p.id: p.windows for p in parts}
     verdicts = {
@@ -102,8 +102,19 @@ def _missed(interactions: Sequence[Interaction]) -> list[Reason]:
     return [reason("HandMovesNothing", "doubtful", *handled) for handled in empty if handled is not None]
 
 
-def _worth(verdict: Verdict) -> tuple[int, int]:
-    return -LEVELS.index(verdict.level), -len(verdict.reasons)
+def of_looks(verdicts: Sequence[Verdict]) -> Verdict:
+    """The verdict on a part by those of all interactions with it: the best of them, as another look adds no
+    doubt.
+
+    Many doubts refuse what may be none. What two interactions show, by one joint and one surface, is a part,
+    if in both nothing but doubts speaks against it.
+    """
+    best = max(verdicts, key=lambda v: (-LEVELS.index(v.level), -len(v.reasons)))
+    without = [tuple(r for r in v.reasons if r.type != "ManyDoubts") for v in verdicts]
+    doubted = [reasons for reasons in without if all(r.level == "doubtful" for r in reasons)]
+    if best.level == "refused" and len(doubted) > 1:
+        return Verdict(min(doubted, key=len))
+    return best
 
 
 @dataclass(frozen=True, eq=False)

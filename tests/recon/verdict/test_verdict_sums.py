@@ -13,7 +13,7 @@ from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.interaction.parts.find_parts import PartTracks
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.judge import OF_THE_FIT, OF_THE_SCENE, Judged, _beside_doubted, judge, verdict_on
+from recon.verdict.judge import OF_THE_FIT, OF_THE_SCENE, Judged, _beside_doubted, judge, of_looks, verdict_on
 from tests.makers.recon.cabinets import Clip
 from tests.makers.recon.judged import as_one, perfect
 from twin.verdict import Level, Verdict, reason
@@ -49,6 +49,19 @@ def test_three_doubts_are_doubts_and_four_refuse(times: int, level: str, clip: C
         assert main.numbers["count"] == times
         assert verdict.reasons[1].text in main.text
         assert main.help == verdict.reasons[1].help
+
+
+def test_what_two_interactions_show_is_not_refused_for_its_doubts(clip: Clip) -> None:
+    """Nor is it where one of them shows it well; where one refuses it for itself the other one is alone."""
+    many, few = verdict_on(doubted(clip, 4)), verdict_on(doubted(clip, 1))
+    alone = verdict_on(replace(doubted(clip, 4), mesh=None))
+    assert alone.level == "refused"
+    assert of_looks([many]) is many
+    both = of_looks([many, many])
+    assert both.level == "doubtful"
+    assert both.reasons == many.reasons[1:]
+    assert of_looks([many, few]) is few
+    assert of_looks([many, alone]) == many
 
 
 def test_what_is_refused_for_itself_is_not_refused_for_its_doubts(clip: Clip) -> None:
