@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.cameras.places import Keyframe, Seen, keyframes_of, places_seen_again
+from recon.cameras.places import Keyframe, Seen, keyframes_of, places_seen_again, sharpness
 from recon.cameras.submaps import Piece
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.runs.threads import each
 
 # s between keyframes. Chosen by us: at .6 m/s half of the view is still the same.
 KEYFRAME_S = 0.8
@@ -23,33 +24,47 @@ _VOTES = 2
 
 
 def keyframes_every(recording: Recording, frames: NDArray[np.int64]) -> list[Keyframe]:
-    """Keyframes among frames (n,), `KEYFRAME_S` apart."""
-    times = np.asarray(recording.times)
-    chosen: list[int] = []
-    for f in frames.tolist():
-        if not chosen or times[f] - times[chosen[-1]] >= KEYFRAME_S:
-            chosen.append(f)
-    return keyframes_of(recording, chosen)
+    """Keyframes among rising frames (n,): the one with the sharpest picture of each `KEYFRAME_S`."""
+    times = np.asarray(recording.times)[frames]
+    slot = np.floor((times - times[:1]) / KEYFRAME_S)
+    sharp = np.array(list(each(lambda f: sharpness(recording, f), frames.tolist())))
+    order = np.lexsort((-sharp, slot))
+    _, first = np.unique(slot[order], return_index=True)
+    return keyframes_of(recording, frames[order[first]].tolist())
 
 
 def joined(recording: Recording, pieces: Sequence[Piece]) -> tuple[Piece, ...]:
     """The pieces, the largest first, with those joined to it that two places or more place alike.
 
-    How odometry has bridged a hole counts as a place.
+    How odometry has bridged a hole counts as a place. Of pieces that places which look alike don't join, all
+    keyframes are compared with all others.
     """
     if len(pieces) < 2:
         return tuple(pieces)
     keys = keyframes_every(recording, np.sort(np.concatenate([p.frames for p in pieces])))
     of = {int(f): k for k, p in enumerate(pieces) for f in p.frames}
     number = np.array([of[k.frame] for k in keys])
-    loops = places_seen_again(keys, number[:, None] != number, recording.intrinsics)
+    others = number[:, None] != number
+    loops = places_seen_again(keys, others, recording.intrinsics)
     loops += [p.bridge for p in pieces if p.bridge is not None]
+    whole, left = _put_together(pieces, loops)
+    if left:
+        alone = np.isin([k.frame for k in keys], np.concatenate([p.frames for p in left]))
+        others &= alone[:, None] | alone
+        every = [*loops, *places_seen_again(keys, others, recording.intrinsics, candidates=None)]
+        loops = list({(s.a, s.b, s.matches): s for s in every}.values())  # a place has one vote
+        whole, left = _put_together((whole, *left), loops)
+    return (whole, *left)
+
+
+def _put_together(pieces: Sequence[Piece], loops: Sequence[Seen]) -> tuple[Piece, list[Piece]]:
+    """The largest piece with all that these places join to it, and the others."""
     left = sorted(pieces, key=lambda p: -len(p.frames))
     whole = left.pop(0)
     while True:
         lays = [(k, lay) for k, p in enumerate(left) if (lay := _lay(whole, p, loops)) is not None]
         if not lays:
-            return (whole, *left)
+            return whole, left
         k, lay = lays[0]
         whole = _both(whole, left.pop(k), lay)
 

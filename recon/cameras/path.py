@@ -13,7 +13,7 @@ from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
 
-PATH = Stage("path", 1, ())
+PATH = Stage("path", 2, ())
 # s between two views of a place that make a loop: less is odometry's own.
 _LATER_S = 8.0
 # m and rad by which odometry may be off after a loop, and their growth with the way: what contradicts it by

@@ -123,15 +123,30 @@ def alike(keys: Sequence[Keyframe]) -> Array:
     return np.asarray(weighted @ weighted.T)
 
 
-def places_seen_again(keys: Sequence[Keyframe], allowed: NDArray[np.bool_], camera: Intrinsics) -> list[Seen]:
-    """Pairs of keyframes that see the same place. allowed (n, n): which pairs may be tried.
+def sharpness(recording: Recording, frame: int) -> float:
+    """Mean squared gradient of a frame's brightness, grey levels per pixel of a picture half as wide."""
+    grey = cv2.cvtColor(recording.color(frame), cv2.COLOR_RGB2GRAY)
+    half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA).astype(np.float32)
+    return float((np.diff(half, axis=0) ** 2).mean() + (np.diff(half, axis=1) ** 2).mean())
 
-    camera: of the recording.
+
+def places_seen_again(
+    keys: Sequence[Keyframe],
+    allowed: NDArray[np.bool_],
+    camera: Intrinsics,
+    candidates: int | None = _CANDIDATES,
+) -> list[Seen]:
+    """Pairs of keyframes that see the same place.
+
+    Args:
+        allowed: (n, n) which pairs may be tried.
+        camera: of the recording.
+        candidates: places that each keyframe is compared with, those that look most alike; None: all.
     """
-    score = np.where(allowed, alike(keys), 0.0)
+    score = np.where(allowed, alike(keys) if candidates is not None else 1.0, 0.0)
     pairs = set()
     for i in range(len(keys)):
-        for j in np.argsort(-score[i], kind="stable")[:_CANDIDATES]:
+        for j in np.argsort(-score[i], kind="stable")[:candidates]:
             if score[i, j] > 0:
                 pairs.add((min(i, int(j)), max(i, int(j))))
     found = each(lambda p: register(keys[p[0]], keys[p[1]], camera), sorted(pairs))

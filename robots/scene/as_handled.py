@@ -1,0 +1,27 @@
+"""The room as it stood when a part was handled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin.placed import counted_from
+from twin.scene import Part, Twin
+
+
+def as_handled(twin: Twin, part: Part) -> Twin:
+    """The twin with what carries a part as it stood when a person first handled the part: state 0 is there.
+
+    A basket is taken out of an open drawer. Where no state of a carrier is known, as in an imported twin, it
+    stays at its own state 0.
+    """
+    if not part.motion.intervals:
+        return twin
+    frame, states = part.motion.intervals[0][0], {}
+    carrier = part.parent
+    while carrier is not None:
+        of = twin.part(carrier)
+        known = int(np.searchsorted(of.motion.frames, frame, side="right"))
+        if known:
+            states[of.id] = float(of.motion.state[known - 1])
+        carrier = of.parent
+    return counted_from(twin, states)
