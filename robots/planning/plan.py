@@ -58,11 +58,9 @@ def plan(
 ) -> RobotTrajectory:
     """Plan how a robot opens or closes a part the way the person held it.
 
-    What carries the part stands as it stood when the person first handled it (`as_handled`).
-
     Args:
         twin: shapes, masses and friction that it lacks are made; for a replay give a `completed` one.
-        part: id or name.
+        part: id or name; what carries it stands as when the person first handled it (`as_handled`).
         robot: bundled name or robot file.
         contact: instead of the part's own: a ContactPath, or a point (3,) in m on the part, world frame at
             state 0. A part without contact is held where its shape offers a bar, a knob or a rim.
@@ -84,8 +82,7 @@ def plan(
             which state and by how much.
     """
     config = config or PlanConfig()
-    twin = as_handled(twin, twin.part(part))
-    target = twin.part(part)
+    twin, target = as_handled(twin, part)
     spec = resolve(robot)
     task = task_of(target, goal, from_state)
     ground = floor_of(twin, floor)

@@ -8,14 +8,16 @@ from twin.placed import counted_from
 from twin.scene import Part, Twin
 
 
-def as_handled(twin: Twin, part: Part) -> Twin:
-    """The twin with what carries a part as it stood when a person first handled the part: state 0 is there.
+def as_handled(twin: Twin, key: int | str) -> tuple[Twin, Part]:
+    """The twin with what carries a part as it stood when a person first handled the part (state 0 is there),
+    and the part, by its id or name, in it.
 
     A basket is taken out of an open drawer. Where no state of a carrier is known, as in an imported twin, it
-    stays at its own state 0.
+    stays at its own state 0. Raises SceneError: no such part.
     """
+    part = twin.part(key)
     if not part.motion.intervals:
-        return twin
+        return twin, part
     frame, states = part.motion.intervals[0][0], {}
     carrier = part.parent
     while carrier is not None:
@@ -24,4 +26,5 @@ def as_handled(twin: Twin, part: Part) -> Twin:
         if known:
             states[of.id] = float(of.motion.state[known - 1])
         carrier = of.parent
-    return counted_from(twin, states)
+    stood = counted_from(twin, states)
+    return stood, stood.part(part.id)

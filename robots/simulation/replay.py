@@ -68,15 +68,14 @@ def replay(
     """
     config = config or ReplayConfig()
     out = None if out is None else Path(out).resolve()
-    part = twin.part(trajectory.part_id)
+    twin, part = as_handled(twin, trajectory.part_id)
     spec = resolve(robot or trajectory.robot)
     if spec.arm_joints != trajectory.joint_names:
         raise InputError(
             f"the trajectory moves {trajectory.joint_names}, robot {spec.name!r} has {spec.arm_joints}",
             "replay it with the robot it was planned for",
         )
-    twin = as_handled(completed(twin), part)
-    part = twin.part(part.id)
+    twin = completed(twin)
     started = time.perf_counter()
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None

@@ -54,8 +54,7 @@ def run_trials(
     """
     check_request(trials, seed)
     config = config or ReplayConfig()
-    twin = as_handled(completed(twin), twin.part(trajectory.part_id))
-    part = twin.part(trajectory.part_id)
+    twin, part = as_handled(completed(twin), trajectory.part_id)
     world = build_world(
         twin, resolve(robot or trajectory.robot), trajectory.T_world_base, trajectory.pedestal
     )

@@ -136,16 +136,17 @@ def test_a_basket_is_moved_in_the_drawer_that_stands_open_as_when_it_was_handled
     handled = replace(tray.motion, intervals=((2, 4),))
     basket = replace(tray, id=9, name="basket", parent=drawer.id, motion=handled)
     both = replace(twin, parts=(replace(drawer, motion=pulled), basket))
-    stood = as_handled(both, basket)
+    stood, _ = as_handled(both, "basket")
     open_by = drawer.joint.axis * 0.3
     np.testing.assert_allclose(stood.part("basket").mesh.vertices, basket.mesh.vertices + open_by, atol=1e-12)
     np.testing.assert_allclose(
         stood.part(drawer.id).mesh.vertices, drawer.mesh.vertices + open_by, atol=1e-12
     )
     assert stood.part(drawer.id).joint.lower == pytest.approx(drawer.joint.lower - 0.3)
-    assert as_handled(stood, stood.part("basket")) is stood
-    assert as_handled(both, both.part(drawer.id)) is both
-    assert as_handled(both, replace(basket, motion=replace(handled, intervals=()))) is both
+    assert as_handled(stood, "basket")[0] is stood
+    assert as_handled(both, drawer.id)[0] is both
+    stated = replace(both, parts=(both.parts[0], replace(basket, motion=replace(handled, intervals=()))))
+    assert as_handled(stated, "basket")[0] is stated
     with_basket = robots.plan(both, "basket", config=replace(FAST, rehearse=False))
     held = with_basket.T_world_tool[with_basket.phases.index("move"), :3, 3]
     assert held == pytest.approx(basket.contact.point + open_by, abs=0.03)
