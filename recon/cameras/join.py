@@ -92,6 +92,8 @@ def _lay(whole: Piece, piece: Piece, loops: Sequence[Seen]) -> Array | None:
 
 
 def _both(whole: Piece, piece: Piece, lay: Array) -> Piece:
-    frames = np.concatenate([whole.frames, piece.frames])
+    """One piece of two; frames that both have, too few to join them by, are the first one's."""
+    new = ~np.isin(piece.frames, whole.frames)
+    frames = np.concatenate([whole.frames, piece.frames[new]])
     order = np.argsort(frames)
-    return Piece(frames[order], np.concatenate([whole.poses, lay @ piece.poses])[order])
+    return Piece(frames[order], np.concatenate([whole.poses, lay @ piece.poses[new]])[order])
