@@ -36,8 +36,8 @@ FOUND_AGAIN = Stage("found_again", 2, ())
 class Interaction:
     """What one window shows. Its frames count from 0, the window's first; its world is that of the cameras.
 
-    found: movers, and parts by tracks. parts: those of `found`, refined. labels: label images
-    (H, W) of some frames.
+    found: movers, and parts by tracks. parts: those of `found`, refined. labels: label images (H, W) of some
+    frames.
     """
 
     window: Window

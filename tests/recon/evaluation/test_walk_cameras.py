@@ -11,21 +11,11 @@ from recon.evaluation.truth import Truth
 from recon.evaluation.walk_rows import walk_table
 from recon.evaluation.walks import walk_scores
 from tests.makers.recon.tiny import JOINTS, in_world, twin_of
-from tests.makers.recon.walked import FRAMES, course, score, true_part, truth_of, walked, with_part
+from tests.makers.recon.walked import FRAMES, course, score, true_part, truth_of, with_part
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Trajectory, Twin
-
-
-@pytest.fixture(scope="module")
-def truth() -> Truth:
-    return walked()
-
-
-@pytest.fixture(scope="module")
-def exact(truth: Truth) -> Twin:
-    return twin_of(truth)
 
 
 def bent(exact: Twin, frame: int, T: Array) -> Trajectory:

@@ -12,20 +12,10 @@ from benchmarks.walk_rates import lines, pooled
 from recon.evaluation.truth import Truth
 from recon.evaluation.walk_scores import IntervalCounts
 from recon.evaluation.walks import walk_scores
-from tests.makers.recon.tiny import DRAWER, twin_of
-from tests.makers.recon.walked import FRAMES, walked
+from tests.makers.recon.tiny import DRAWER
+from tests.makers.recon.walked import FRAMES
 from twin import geometry as geo
 from twin.scene import Twin
-
-
-@pytest.fixture(scope="module")
-def truth() -> Truth:
-    return walked()
-
-
-@pytest.fixture(scope="module")
-def exact(truth: Truth) -> Twin:
-    return twin_of(truth)
 
 
 def test_rates_of_walks_are_those_of_their_sums(truth: Truth, exact: Twin) -> None:

@@ -15,23 +15,13 @@ from recon.evaluation.walk_rows import summary, walk_rows, walk_table
 from recon.evaluation.walk_scores import IntervalCounts, LocalErrors, WalkScores
 from recon.evaluation.walks import is_walk, state_counts, walk_scores
 from tests.makers.recon.tiny import DRAWER, JOINTS, in_world, twin_of
-from tests.makers.recon.walked import BESIDE, FRAMES, score, true_part, truth_of, walked, with_part
+from tests.makers.recon.walked import BESIDE, FRAMES, score, true_part, truth_of, with_part
 from tests.makers.twin.judged import DOUBT
 from twin import geometry as geo
 from twin.scene import Mesh, Part, Trajectory, Twin
 from twin.verdict import Verdict
 
 FAR = geo.make_pose(translation=[0.0, 0.0, 1.0])
-
-
-@pytest.fixture(scope="module")
-def truth() -> Truth:
-    return walked()
-
-
-@pytest.fixture(scope="module")
-def exact(truth: Truth) -> Twin:
-    return twin_of(truth)
 
 
 def without(twin: Twin, name: str) -> Twin:
