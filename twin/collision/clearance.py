@@ -7,9 +7,9 @@ only its piece at the contact gives way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -93,12 +93,15 @@ def make_clear(
     A part and the part it is mounted on may touch. Shapes cut down to the same rest stay once.
     """
     shapes = [list(s) for s in shapes]
-    touches = find_touches(twin, shapes, clearance, step, yielding)
+    found = _touches(twin, twin.parts, shapes, clearance, step, yielding)
+    touches = _deepest(found.values())
     for _ in range(_ROUNDS):
         if not touches:
             break
         _give_way(shapes, touches, clearance)
-        touches = find_touches(twin, shapes, clearance, step, yielding)
+        # shapes only lose: a part that touched nothing goes on so
+        found = _touches(twin, [p for p in twin.parts if found.get(p.id)], shapes, clearance, step, yielding)
+        touches = _deepest(found.values())
     for owner, index in sorted({(t.owner, t.index) for t in touches}, reverse=True):
         if owner == 0:  # could not be cut free in all rounds
             del shapes[0][index]
@@ -163,14 +166,27 @@ def find_touches(
     each shape at both ends of the step: it holds the shape in every state between them (of a turning one all
     but the rise of its arcs above their chords, which is added to the clearance).
     """
+    return _deepest(_touches(twin, twin.parts, shapes, clearance, step, yielding).values())
+
+
+def _touches(
+    twin: Twin, parts: Sequence[Part], shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding
+) -> dict[int, list[Touch]]:  # fmt: skip
+    """What comes too near while each of some parts opens, by its id."""
+    return {
+        p.id: list(_touches_of(twin, shapes, p, clearance, step, yielding))
+        for p in parts
+        if yielding.only is None or any(carried(twin, p) & pair for pair in yielding.only)
+    }
+
+
+def _deepest(touches: Iterable[Sequence[Touch]]) -> list[Touch]:
+    """The deepest touch of every shape."""
     worst: dict[tuple[int, int], Touch] = {}
-    for part in twin.parts:
-        if yielding.only is not None and not any(carried(twin, part) & pair for pair in yielding.only):
-            continue
-        for t in _touches_of(twin, shapes, part, clearance, step, yielding):
-            key = (t.owner, t.index)
-            if key not in worst or t.depth < worst[key].depth:
-                worst[key] = t
+    for t in chain.from_iterable(touches):
+        key = (t.owner, t.index)
+        if key not in worst or t.depth < worst[key].depth:
+            worst[key] = t
     return [worst[k] for k in sorted(worst)]
 
 
@@ -190,7 +206,7 @@ def _touches_of(
         margin += float(
             rise * max((_radius(part.joint, points_of(s)) for i in moving for s in shapes[i]), default=0.0)
         )
-    model = model_of(twin, swept, moving, margin)
+    model = model_of(twin, _within_reach(swept, moving, part, states, margin), moving, margin)
     data = mujoco.MjData(model)
     names = [model.geom(g).name.split("_") for g in range(model.ngeom)]
     owner = np.array([int(n[1]) for n in names])
@@ -211,6 +227,24 @@ def _touches_of(
             key = (int(owner[gives]), int(index[gives]))
             piece = shapes[key[0]][key[1]]
             yield _touch(twin, key, piece, depth, surface, sign * toward, margin, part, states, float(state))
+
+
+def _within_reach(
+    shapes: list[list[Collision]], moving: set[int], part: Part, states: Array, margin: float
+) -> list[list[Collision | None]]:
+    """The shapes of each owner; None in the place of one that stays and that nothing of what moves comes near,
+    by the boxes along the axes around both."""
+    points = [points_of(s) for i in moving for s in shapes[i]]
+    if not points:
+        return [list(own) for own in shapes]
+    swept = np.concatenate([geo.transform(part.joint.pose(s), np.concatenate(points)) for s in states])
+    low, high = swept.min(axis=0) - 2 * margin, swept.max(axis=0) + 2 * margin
+
+    def near(shape: Collision) -> bool:
+        own = points_of(shape)
+        return bool(np.all(own.max(axis=0) > low) and np.all(own.min(axis=0) < high))
+
+    return [[s if i in moving or near(s) else None for s in own] for i, own in enumerate(shapes)]
 
 
 def _touch(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,12 @@ from twin.collision.convex import hull_of
 from twin.scene import Collision, Mesh, Revolute, Twin
 
 
-def model_of(twin: Twin, shapes: list[list[Collision]], moving: set[int], margin: float) -> Any:
+def model_of(
+    twin: Twin, shapes: Sequence[Sequence[Collision | None]], moving: set[int], margin: float
+) -> Any:
     """A model of the bare shapes in which only what moves meets what stays.
 
-    Body frames are the world at state 0, geoms are called geom_<owner>_<index>.
+    Body frames are the world at state 0, geoms are called geom_<owner>_<index>; none stands for None.
     """
     import mujoco
 
@@ -40,7 +43,8 @@ def model_of(twin: Twin, shapes: list[list[Collision]], moving: set[int], margin
         body = bodies[None if i == 0 else twin.parts[i - 1].id]
         groups = {"contype": 1, "conaffinity": 2} if i in moving else {"contype": 2, "conaffinity": 1}
         for k, piece in enumerate(owner):
-            _add_geom(spec, body, f"geom_{i}_{k}", piece, margin=margin, **groups)
+            if piece is not None:
+                _add_geom(spec, body, f"geom_{i}_{k}", piece, margin=margin, **groups)
     return spec.compile()
 
 

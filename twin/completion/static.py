@@ -82,28 +82,26 @@ def _complete_piece(
     furniture: Mesh, opened: Sequence[Opening], swept: Array, sight: Sight | None
 ) -> tuple[Completion, NDArray[np.bool_]]:
     """The inferred layer of one piece of furniture, and which of its seen triangles hang on nothing of it."""
-    cabinets: list[tuple[Opening, list[Board]]] = []
+    cabinets: list[tuple[Opening, list[Board], Array]] = []
     shown, left = furniture, triangles_of(furniture)
     for o in opened:
         T = o.front.frame.T_world_frame
         cloud, passed = Cloud.of(furniture, T), o.front.local(swept)
         freed = [out_of_the_way(b, passed) for b in o.carcass.boards if not b.contradicted(cloud)]
-        cabinets.append((o, [b for b in freed if b is not None and b.real]))
+        cabinets.append((o, [b for b in freed if b is not None and b.real], passed))
         shown = shown_surface(shown, cabinets[-1][1], T)
         left = beyond(left, [b.box(T) for b in cabinets[-1][1]], 3 * SEARCH.noise)
-    most = max(_FEWEST, MOST - sum(len(boards) for _, boards in cabinets))
+    most = max(_FEWEST, MOST - sum(len(boards) for _, boards, _ in cabinets))
     panels = _panels(furniture, left, opened, swept, sight, most)
     T = opened[0].front.frame.T_world_frame
     pieces: list[Inferred] = []
     fixed, boxes = [_inside_of(o, opened[0]) for o in opened], []
-    for o, boards in cabinets:
+    for o, boards, passed in cabinets:
         own = [
             b for b in boards if not (b.role == "top" and worktop_over(_in_first(b, o, opened[0]), panels))
         ]
         wood = color_near(o.part.mesh, o.front.leaf.board("front"), o.front.frame.T_world_frame)
-        pieces += [
-            _clear_piece(b, o.front.frame.T_world_frame, furniture, o.front.local(swept), wood) for b in own
-        ]
+        pieces += [_clear_piece(b, o.front.frame.T_world_frame, furniture, passed, wood) for b in own]
         fixed += [_in_first(b, o, opened[0]) for b in boards]
         boxes += [b.box(o.front.frame.T_world_frame) for b in own]
     handles = furniture_handles([b for b in panels if _is_front(b)], Cloud.of(furniture, T))
@@ -113,7 +111,7 @@ def _complete_piece(
     if sight is not None:
         shown = trimmed(shown, [*boxes, *(b.box(T) for b in panels)], sight.eyes[::EVERY])
     held = hanging(without_shreds(shown), [*panels, *bars], fixed, furniture, T)
-    pieces += [_clear_piece(b, T, furniture, opened[0].front.local(swept)) for b in held.boards]
+    pieces += [_clear_piece(b, T, furniture, cabinets[0][2]) for b in held.boards]
     return Completion(held.shown, tuple(pieces), (), _interiors(opened)), held.loose
 
 

@@ -53,7 +53,10 @@ def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | N
 
     into: m that points may come into it; below zero they keep that far away.
     """
-    hit = swept[geo.every((swept > board.low + into) & (swept < board.high - into))]
+    hit = swept
+    for axis in range(3):  # the first leaves few of millions
+        along = hit[:, axis]
+        hit = hit[(along > board.low[axis] + into) & (along < board.high[axis] - into)]
     if not len(hit):
         return board
     best: tuple[float, Array, Array] | None = None

@@ -109,8 +109,11 @@ def _width(board: Box) -> float:
 def _in_any(boards: Sequence[Box], margin: float, points: Array) -> NDArray[np.bool_]:
     """Whether points (n, 3) lie in one of the boards, or less than `margin` m outside it."""
     out = np.zeros(len(points), bool)
+    reach = 2.0 * abs(margin)  # of a turned box's corners, too
+    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
     for b in boards:
-        out |= within(b, points, margin)
+        if np.all(b.corners.max(axis=0) > low) and np.all(b.corners.min(axis=0) < high):
+            out |= within(b, points, margin)
     return out
 
 
