@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from recon.completion import COMPLETION, inferred_layers, with_layers
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
 from recon.inspection.findings import as_reason, doubts, only_after
@@ -47,13 +48,13 @@ T = TypeVar("T")
 
 # Seconds of a clip on two cores, for the time left: medians of benchmarks/speed.md. Only ratios count.
 _SECONDS = {
-    "inspect": 4.6, "tracks": 5.7, "cameras": 2.6, "gravity": 0.2, "noise": 0.2, "windows": 0.1, "path": 0.1, "motion": 7.3, "refine": 5.9, "labels": 5.2, "polish": 2.1,
-    "merge": 0.1, "fusion": 2.4, "up": 0.5, "contact": 0.8, "texture": 19.8, "verdict": 1.5, "handle": 0.1,
+    "inspect": 4.6, "tracks": 5.7, "cameras": 2.6, "gravity": 0.2, "noise": 0.2, "windows": 0.1, "loops": 0.1, "path": 0.1, "motion": 7.3, "refine": 5.9, "labels": 5.2, "polish": 2.1,
+    "merge": 0.1, "fusion": 2.4, "up": 0.5, "contact": 0.8, "texture": 19.8, "verdict": 1.5, "handle": 0.1, "completion": 5.0,
 }  # fmt: skip
 # The same of a walk of 45 s, whose interactions count as one.
 _SECONDS_OF_WALK = {
-    "inspect": 11.0, "frames": 3.0, "corners": 28.0, "tracks": 0.5, "submaps": 20.0, "cameras": 2.0, "gravity": 0.2, "noise": 0.3, "windows": 5.0, "path": 3.0,
-    "interactions": 75.0, "recall": 6.0, "merge": 2.0, "fusion": 19.0, "up": 1.0, "contact": 3.0, "texture": 31.0, "verdict": 8.0, "handle": 0.3,
+    "inspect": 11.0, "frames": 3.0, "corners": 28.0, "tracks": 0.5, "submaps": 20.0, "cameras": 2.0, "gravity": 0.2, "noise": 0.3, "windows": 5.0, "loops": 3.0, "path": 0.5,
+    "interactions": 75.0, "recall": 6.0, "merge": 2.0, "fusion": 19.0, "up": 1.0, "contact": 3.0, "texture": 31.0, "verdict": 8.0, "handle": 0.3, "completion": 35.0,
 }  # fmt: skip
 
 
@@ -191,7 +192,11 @@ def _judged_twin(
     # How thick handles are, by their outline in photographs.
     reads = [*surveyed.reads, finished, judged]
     sections = stage(HANDLE, reads, lambda: handle_sections(twin, recording))
-    return with_handles(twin, sections.value)
+    twin = with_handles(twin, sections.value)
+    # What no camera saw of the furniture, from which an export takes what it shows.
+    reads = [*reads, dressed, sections]
+    layers = stage(COMPLETION, reads, lambda: inferred_layers(twin), *([given] if given else []))
+    return with_layers(twin, layers.value)
 
 
 def _sources(interactions: Sequence[Interaction]) -> dict[int, str]:

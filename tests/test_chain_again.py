@@ -81,7 +81,7 @@ def test_a_changed_setting_recomputes_what_depends_on_it(recording: Path, run: P
     voxel = ReconConfig().fusion.static_voxel
     assert reconstruct(recording, run, *UP, "--set", f"fusion.static_voxel={voxel * 1.01}") == 0
     reasons = computed(run)
-    assert list(reasons) == ["fusion", "up", "contact", "texture", "verdict", "handle"]
+    assert list(reasons) == ["fusion", "up", "contact", "texture", "verdict", "handle", "completion"]
     assert f"static_voxel changed from {voxel}" in reasons["fusion"]
     assert [p.name for p in load(run).parts] == ["wine"]
 
@@ -103,7 +103,7 @@ def test_a_fault_of_the_recording_makes_the_twin_doubtful(
     monkeypatch.setattr(pipeline, "quick_findings", lambda _: (cut, finding("Small", 96, 72)))
     shutil.rmtree(run / "stages" / "01_inspect")
     assert reconstruct(recording, run, *UP) == 2
-    assert list(computed(run)) == ["inspect", "verdict", "handle"]
+    assert list(computed(run)) == ["inspect", "verdict", "handle", "completion"]
     found = load(run).verdict
     assert found is not None
     assert found.of_all.reasons == (as_reason(cut),)

@@ -71,7 +71,8 @@ class Completion(Described):
     as a blurred handle. pieces: what is inferred. collision: shapes of what is seen and lies in no piece.
     interiors: free space inside. version: of what inferred it. kind: what a moving part is, in one word as
     drawer, sliding_door, door, flap, lid; empty where nobody knows. room: of the static scene, the seen
-    triangles that belong to no furniture of the parts; room_collision: their shapes.
+    triangles that belong to no furniture of the parts; room_collision: their shapes. limits: of a part, the
+    ends of its joint's range that it was inferred for; None of the static scene.
     """
 
     shown: Mesh
@@ -82,6 +83,7 @@ class Completion(Described):
     room_collision: tuple[Collision, ...] = ()
     version: int = VERSION
     kind: str = ""
+    limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.kind and not self.kind.isidentifier():

@@ -80,7 +80,9 @@ def _completion(layer: Completion, T: Array) -> Completion:
         interiors=tuple(Interior(i.name, i.box.transformed(T)) for i in layer.interiors),
         room=None if layer.room is None else layer.room.transformed(T),
         room_collision=_shapes(layer.room_collision, T),
+        version=layer.version,
         kind=layer.kind,
+        limits=layer.limits,
     )
 
 

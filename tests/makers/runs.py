@@ -8,8 +8,8 @@ from twin.cli import main as cli
 from twin.files.text import read_json
 
 STAGES = [
-    "inspect", "tracks", "cameras", "gravity", "noise", "windows", "path", "motion", "refine", "labels", "polish", "merge",
-    "fusion", "up", "contact", "texture", "verdict", "handle",
+    "inspect", "tracks", "cameras", "gravity", "noise", "windows", "loops", "path", "motion", "refine", "labels", "polish", "merge",
+    "fusion", "up", "contact", "texture", "verdict", "handle", "completion",
 ]  # fmt: skip
 
 

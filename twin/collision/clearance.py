@@ -232,8 +232,8 @@ def _touches_of(
 def _within_reach(
     shapes: list[list[Collision]], moving: set[int], part: Part, states: Array, margin: float
 ) -> list[list[Collision | None]]:
-    """The shapes of each owner; None in the place of one that stays and that nothing of what moves comes near,
-    by the boxes along the axes around both."""
+    """The shapes of each owner; None in the place of one that stays and that nothing of what moves comes
+    near, by the boxes along the axes around both."""
     points = [points_of(s) for i in moving for s in shapes[i]]
     if not points:
         return [list(own) for own in shapes]

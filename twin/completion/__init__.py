@@ -21,7 +21,7 @@ from twin.scene import Twin
 
 def with_completion(twin: Twin, collision: Mapping[str, Any] | None = None) -> Twin:
     """The twin with the inferred layer of its static scene and every part, collision shapes included; itself
-    where it has one that the program of today inferred.
+    where it has one that the program of today inferred for the joints' limits.
 
     A stated twin is whole: nothing is inferred. collision: settings of the shapes, by name.
     """
@@ -36,9 +36,17 @@ def with_completion(twin: Twin, collision: Mapping[str, Any] | None = None) -> T
 
 
 def has_completion(twin: Twin) -> bool:
-    """Whether all of a twin has an inferred layer that the program of today inferred."""
-    layers = [twin.static.completion, *(p.completion for p in twin.parts)]
-    return all(k is not None and k.version == VERSION for k in layers)
+    """Whether all of a twin has a layer that the program of today inferred for its joints' limits."""
+    static = twin.static.completion
+    return (
+        static is not None
+        and static.version == VERSION
+        and all(
+            k is not None and (k.version, k.limits) == (VERSION, (p.joint.lower, p.joint.upper))
+            for p in twin.parts
+            for k in [p.completion]
+        )
+    )
 
 
 def without_shapes(twin: Twin, inferred: bool = True) -> Twin:

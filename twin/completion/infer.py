@@ -37,5 +37,8 @@ def infer(twin: Twin) -> Twin:
     eyes = None if twin.cameras is None else twin.cameras.T_world_cam[:, :3, 3]
     sight = Sight(mesh, eyes) if eyes is not None and len(mesh.faces) else None
     static = complete_static(mesh, found, opened, np.concatenate(passed), sight)
-    parts = tuple(replace(p, completion=layer) for p, layer in zip(twin.parts, layers, strict=True))
+    parts = tuple(
+        replace(p, completion=replace(layer, limits=(p.joint.lower, p.joint.upper)))
+        for p, layer in zip(twin.parts, layers, strict=True)
+    )
     return replace(twin, static=replace(twin.static, completion=static), parts=parts)

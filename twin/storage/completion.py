@@ -79,6 +79,7 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
         "completion": {
             "version": completion.version,
             "kind": completion.kind,
+            "limits": None if completion.limits is None else list(completion.limits),
             "shown": shown,
             "room": room,
             "pieces": pieces,

@@ -222,11 +222,17 @@ def _completion(n: Node, folder: Path, seen: Mesh) -> Completion:
             room_collision=_collision(n, folder, "room_collision"),
             version=n.integer("version"),
             kind=n.text("kind") if n.value.get("kind") else "",
+            limits=None if n.value.get("limits") is None else _limits(n),
         )
     if n.value.get("pieces_image") is None or not layer.pieces:
         return layer
     image, uv = (_inside(n, key, n.text(key), folder) for key in ("pieces_image", "pieces_uv"))
     return with_textured_pieces(layer, read_texture(image, uv, sum(len(p.mesh.faces) for p in layer.pieces)))
+
+
+def _limits(n: Node) -> tuple[float, float]:
+    lower, upper = n.array("limits", (2,)).tolist()
+    return lower, upper
 
 
 def _piece(n: Node, folder: Path) -> Inferred:
