@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from benchmarks.unseen_page import rate
 from recon.evaluation.walk_scores import (
     IntervalCounts,
     LocalErrors,
+    PieceScore,
     PoseCounts,
     StateCounts,
     WalkScores,
@@ -26,7 +29,8 @@ class WalkRates:
     """Sums over walks.
 
     trusted: parts of the twins that these call trusted, whatever their role; trusted_right: of these the
-    right ones. ate_mm: RMSE of the camera centres over all pieces; torn: walks whose path is in pieces.
+    right ones. ate_mm: RMSE of the camera centres over all pieces; ate_walks: the same of each walk, and its
+    share of the way; torn: walks whose path is in pieces.
     """
 
     walks: int
@@ -46,6 +50,7 @@ class WalkRates:
     states_matched: StateCounts
     local: LocalErrors
     ate_mm: float
+    ate_walks: tuple[tuple[float, float], ...]
     torn: int
     poses: PoseCounts
 
@@ -53,7 +58,6 @@ class WalkRates:
 def pooled(walks: Sequence[WalkScores]) -> WalkRates:
     """Sums over walks; no walk gives zeros."""
     pieces = [p for w in walks for p in w.pieces]
-    posed = sum(p.frames for p in pieces)
     return WalkRates(
         walks=len(walks),
         parts=sum(len(w.parts) for w in walks),
@@ -71,10 +75,22 @@ def pooled(walks: Sequence[WalkScores]) -> WalkRates:
         states=total_states(w.states for w in walks),
         states_matched=total_states(w.states_matched for w in walks),
         local=sum((w.local for w in walks), LocalErrors()),
-        ate_mm=float((sum(p.frames * p.ate_mm**2 for p in pieces) / max(posed, 1)) ** 0.5),
+        ate_mm=_rms(pieces),
+        ate_walks=tuple(sorted((_rms(w.pieces), _share_of_way(w.pieces)) for w in walks if w.pieces)),
         torn=sum(len(w.pieces) > 1 for w in walks),
         poses=sum((w.poses for w in walks), PoseCounts()),
     )
+
+
+def _rms(pieces: Sequence[PieceScore]) -> float:
+    """mm over all posed frames of some pieces."""
+    posed = sum(p.frames for p in pieces)
+    return float((sum(p.frames * p.ate_mm**2 for p in pieces) / max(posed, 1)) ** 0.5)
+
+
+def _share_of_way(pieces: Sequence[PieceScore]) -> float:
+    way = sum(p.way_m for p in pieces)
+    return _rms(pieces) / 1e3 / way if way > 0 else 0.0
 
 
 def lines(rates: WalkRates) -> list[tuple[str, str]]:
@@ -98,6 +114,7 @@ def lines(rates: WalkRates) -> list[tuple[str, str]]:
         ("local camera error, median", _local(r.local, 0.5)),
         ("local camera error, p90", _local(r.local, 0.9)),
         ("ATE", f"{r.ate_mm:.1f} mm, {r.torn} paths in pieces" if r.walks else "-"),
+        ("ATE and its share of the way, medians of walks", _medians(r.ate_walks)),
         ("frames with a pose", _share(r.poses.posed, r.poses.frames)),
         ("frames in a named gap", _share(r.poses.named, r.poses.frames)),
         ("frames with neither", _share(r.poses.neither, r.poses.frames)),
@@ -115,6 +132,13 @@ def _of_intervals(which: str, counts: IntervalCounts) -> list[tuple[str, str]]:
 
 def _share(good: int, of: int) -> str:
     return f"{good}/{of} = {100 * good / of:.1f} %" if of else "-"
+
+
+def _medians(ate: Sequence[tuple[float, float]]) -> str:
+    if not ate:
+        return "-"
+    mm, share = (float(v) for v in np.median(ate, axis=0))
+    return f"{mm:.1f} mm, {100 * share:.2f} %"
 
 
 def _local(errors: LocalErrors, q: float) -> str:

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,18 @@ from benchmarks import sealing
 from benchmarks.sealing import ROOT
 from benchmarks.walk_rates import lines, pooled
 from recon.evaluation.evaluate import evaluate
-from recon.evaluation.walk_scores import WalkScores
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.walk_cameras import loop_counts
+from recon.evaluation.walk_scores import (
+    IntervalCounts,
+    LocalErrors,
+    LoopCounts,
+    PoseCounts,
+    StateCounts,
+    TruePartScore,
+    WalkScores,
+)
+from recon.pipeline import read_stage
 from recon.simulate.random.strata import WalkStratum, sealed_walks
 from recon.simulate.walk.scene import simulate_walk
 from twin.errors import FuntwinError, InputError
@@ -45,15 +57,29 @@ Made by `python -m benchmarks.walks sealed`; a walk that ends with an error or b
 
 
 def walk(seed: int, stratum: WalkStratum | None, place: Path, seconds: float | None = None) -> dict[str, Any]:
-    """Render, reconstruct, score; the scores as plain data."""
+    """Render, reconstruct, score; "scores" and "loops" as plain data, and whether there is a twin."""
     recording, run = place / "recording", place / "run"
     simulate_walk(seed, recording, stratum, seconds)
     sealing.twin_verb(ROOT, place, "reconstruct", str(recording), "-o", str(run))
+    truth = load_truth(recording / "truth")
     if not (run / "twin" / "twin.json").is_file():
-        return {"failed": len(read_json(recording / "truth" / "truth.json")["parts"])}
+        return _failed(len(truth.parts), sum(len(p.spans) for p in truth.parts), truth.frames)
     scores = evaluate(load(run), recording / "truth").walk
     assert scores is not None
-    return scores.as_dict()
+    loops = loop_counts(read_stage(run, "loops"), truth)
+    return {"failed": False, "scores": scores.nameless().as_dict(), "loops": asdict(loops)}
+
+
+def _failed(parts: int, interactions: int, frames: int) -> dict[str, Any]:
+    """Of a walk without a twin: all parts and interactions missed, no state known, no frame posed."""
+    per_part = [interactions // parts + (k < interactions % parts) for k in range(parts)]
+    states = StateCounts(frames=frames, unknown=frames)
+    missed = [
+        TruePartScore("", None, "missed", False, None, None, None, IntervalCounts(true=n), states)
+        for n in per_part
+    ]
+    scores = WalkScores("", tuple(missed), (), (), LocalErrors(), PoseCounts(frames=frames))
+    return {"failed": True, "scores": scores.as_dict(), "loops": asdict(LoopCounts())}
 
 
 def open_walks(first: int, last: int, out: Path, seconds: float | None) -> int:
@@ -90,16 +116,28 @@ def sealed() -> int:
         print(f"{len(state['done'])} of {len(strata)}", flush=True)
     text = PAGE.read_text(encoding="utf-8") if PAGE.is_file() else HEAD
     rows = [f"## {commit}", "", "| rate | |", "|---|---|", *_told(state["walks"])]
+    of_sensor = [strata[i].sensor for i in state["done"]]
+    for sensor in dict.fromkeys(of_sensor):
+        some = [w for w, s in zip(state["walks"], of_sensor, strict=True) if s == sensor]
+        told = dict(_rates(some))
+        rows.append(f"| {sensor}: found; right | {told['parts found']}; {told['parts right']} |")
     PAGE.write_text(text.rstrip() + "\n\n" + "\n".join(rows) + "\n", encoding="utf-8")
     return 0
 
 
 def _told(found: Sequence[dict[str, Any]]) -> list[str]:
-    """Rows of a table: the rates, and parts of walks without a twin."""
-    walks = [WalkScores.from_dict(f) for f in found if "failed" not in f]
-    lost = [int(f["failed"]) for f in found if "failed" in f]
-    rows = [f"| {name} | {text} |" for name, text in lines(pooled(walks))]
-    return [*rows, f"| walks without a twin, their parts | {len(lost)}, {sum(lost)} |"]
+    """Rows of a table: the rates, loops, and walks without a twin."""
+    loops = sum((LoopCounts(**f["loops"]) for f in found), LoopCounts())
+    return [
+        *(f"| {name} | {text} |" for name, text in _rates(found)),
+        f"| false loops | {loops.false} of {loops.accepted} |",
+        f"| walks without a twin | {sum(f['failed'] for f in found)} |",
+    ]
+
+
+def _rates(found: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Names and texts of the rates."""
+    return lines(pooled([WalkScores.from_dict(f["scores"]) for f in found]))
 
 
 def _alone(seed: int, index: int, stratum: WalkStratum) -> dict[str, Any]:
@@ -116,8 +154,8 @@ def _alone(seed: int, index: int, stratum: WalkStratum) -> dict[str, Any]:
             )
             found: dict[str, Any] = json.loads(done.stdout.decode().strip().splitlines()[-1])
         except (subprocess.TimeoutExpired, ValueError, IndexError):
-            return {"failed": stratum.parts}
-    return {**found, "name": ""} if "failed" not in found else found
+            return _failed(stratum.parts, stratum.interactions, round(stratum.seconds * stratum.fps))
+    return found
 
 
 def main() -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from recon.ahead import solve_ahead
 from recon.cameras.gravity import GRAVITY, upright
-from recon.cameras.path import PATH, close_loops
+from recon.cameras.path import LOOPS, PATH, close_loops, find_loops
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
@@ -75,10 +75,11 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
     windows, times = found_windows.value, np.asarray(recording.times)
     told = [(w, said) for w in windows] if contents is None else said_windows(windows, said, times)
     rigid = apart(sorted({*windows, *(w for w, _ in told)}, key=lambda w: w.first))
+    loops = stage(LOOPS, [guessed], lambda: find_loops(recording, guessed.value))
     path = stage(
         PATH,
-        [guessed, found_windows],
-        lambda: close_loops(recording, guessed.value, rigid),
+        [guessed, found_windows, loops],
+        lambda: close_loops(guessed.value, loops.value, rigid),
         *([rigid] if rigid != apart(windows) else []),
     )
     seen = Observed(recording, tracks, path if contents is None else cameras, noise, contents)

@@ -9,30 +9,36 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.cameras.places import Seen
 from recon.evaluation import metrics
 from recon.evaluation.metrics import Span
 from recon.evaluation.scores import CameraErrors, camera_errors
 from recon.evaluation.truth import Truth
-from recon.evaluation.walk_scores import LocalErrors, PieceScore, PoseCounts
+from recon.evaluation.walk_scores import LocalErrors, LoopCounts, PieceScore, PoseCounts
+from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Motion, Trajectory
 
 # Frames between two poses that are compared; four seconds at 15 frames a second, a motion of a part.
 MOST_APART = 60
+# m and rad by which a place that is seen again may be off (docs/metrics.md)
+_OFF_M, _OFF_RAD = 0.05, float(np.radians(3.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A piece of a path, from its first to its last frame, and its cameras aligned for themselves."""
+    """A piece of a path, from its first to its last frame, and its cameras aligned for themselves; the true
+    way of the camera (m) between its frames."""
 
     span: Span
     frames: NDArray[np.int64]
     errors: CameraErrors
+    way_m: float
 
     @property
     def score(self) -> PieceScore:
-        return PieceScore(*self.span, len(self.frames), self.errors.ate_mm)
+        return PieceScore(*self.span, len(self.frames), self.errors.ate_mm, self.way_m)
 
 
 def aligned_pieces(cameras: Trajectory, truth: Truth, pieces: Sequence[Span] | None) -> tuple[Piece, ...]:
@@ -51,11 +57,33 @@ def aligned_pieces(cameras: Trajectory, truth: Truth, pieces: Sequence[Span] | N
         if not rows.any():
             raise InputError(f"no frame of the piece {first}..{last} has a pose", "leave this piece out")
         path = Trajectory(cameras.frames[rows], cameras.times[rows], cameras.T_world_cam[rows])
-        out.append(Piece((first, last), path.frames, camera_errors(path, truth)))
+        out.append(Piece((first, last), path.frames, camera_errors(path, truth), _way(path.frames, truth)))
     lost = np.setdiff1d(cameras.frames, np.concatenate([p.frames for p in out]) if out else [])
     if len(lost):
         raise InputError(f"frame {lost[0]} has a pose and lies in no piece", "name all pieces of the path")
     return tuple(out)
+
+
+def _way(frames: NDArray[np.int64], truth: Truth) -> float:
+    """m that the true camera goes between frames."""
+    if truth.cameras is None:
+        return 0.0
+    centres = truth.cameras.T_world_cam[np.isin(truth.cameras.frames, frames), :3, 3]
+    return float(np.linalg.norm(np.diff(centres, axis=0), axis=1).sum())
+
+
+def loop_counts(loops: Sequence[Seen], truth: Truth) -> LoopCounts:
+    """How many places seen again there are, and how many are off. Raises InputError without true cameras."""
+    if truth.cameras is None:
+        raise InputError(f"{truth.folder} tells no cameras", "compare what needs none")
+    cameras, false = truth.cameras, 0
+    for seen in loops:
+        a, b = cameras.pose(seen.a), cameras.pose(seen.b)
+        if a is None or b is None:
+            continue
+        off = geo.invert_pose(geo.invert_pose(a) @ b) @ seen.T_a_b
+        false += bool(np.linalg.norm(off[:3, 3]) > _OFF_M or geo.rotation_angle(off[:3, :3]) > _OFF_RAD)
+    return LoopCounts(len(loops), false)
 
 
 def alignment_of(motion: Motion, pieces: Sequence[Piece]) -> Array:

@@ -136,7 +136,7 @@ def _camera_rows(walk: WalkScores) -> Iterator[WalkRow]:
         yield WalkRow(f"local camera rotation, {name}", deg, None, "deg", pairs)
     for piece in walk.pieces:
         name = "ATE" if len(walk.pieces) == 1 else f"ATE of the piece {piece.first}..{piece.last}"
-        yield WalkRow(name, piece.ate_mm, None, "mm", f"{piece.frames} frames")
+        yield WalkRow(name, piece.ate_mm, None, "mm", f"{piece.frames} frames, {piece.way_m:.1f} m")
     poses = walk.poses
     for name, count in (
         ("frames with a pose", poses.posed),

@@ -7,7 +7,7 @@ walks follow from sums. Definitions: docs/metrics.md.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -134,12 +134,25 @@ class LocalErrors:
 
 @dataclass(frozen=True)
 class PieceScore:
-    """A piece of the path, from its first to its last frame, aligned for itself: posed frames and ATE."""
+    """A piece of the path, from its first to its last frame, aligned for itself: posed frames, ATE, the true
+    way of the camera (m)."""
 
     first: int
     last: int
     frames: int
     ate_mm: float
+    way_m: float
+
+
+@dataclass(frozen=True)
+class LoopCounts:
+    """Places seen again that a path was closed with, and how many are off by more than 5 cm or 3 deg."""
+
+    accepted: int = 0
+    false: int = 0
+
+    def __add__(self, other: LoopCounts) -> LoopCounts:
+        return LoopCounts(self.accepted + other.accepted, self.false + other.false)
 
 
 @dataclass(frozen=True)
@@ -214,6 +227,15 @@ class WalkScores:
     def states_matched(self) -> StateCounts:
         """States of the parts that are found."""
         return total_states(p.states for p in self.matched)
+
+    def nameless(self) -> WalkScores:
+        """The scores without names, for records that nobody shall recognise a recording by."""
+        return replace(
+            self,
+            name="",
+            parts=tuple(replace(p, name="", found=None if p.found is None else "") for p in self.parts),
+            found=tuple(replace(f, name="", of=None if f.of is None else "") for f in self.found),
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """JSON types only, everything: `from_dict` reads it."""
