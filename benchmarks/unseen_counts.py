@@ -12,7 +12,7 @@ from collections import Counter
 import numpy as np
 
 from recon.evaluation.outcome import Outcome, outcome
-from recon.evaluation.scores import camera_errors, joint_errors, label_scores, match_parts
+from recon.evaluation.scores import camera_errors, contact_mm, joint_errors, label_scores, match_parts
 from recon.evaluation.truth import Truth, TruthPart
 from twin import geometry as geo
 from twin.geometry import Array
@@ -20,8 +20,10 @@ from twin.scene import HAND_LABEL, Part, Revolute, Twin
 
 # Limits under which errors of parts are counted: deg, mm, and for states deg or mm
 AXIS_DEG, PIVOT_MM, STATE_DEG, STATE_MM = (0.3, 0.7), (3.0, 6.0), (0.3, 0.5), (2.0, 3.0)
+CONTACT_MM = 20.0, 60.0  # of right parts that a hand held
 HAND_MOST = 0.03  # share of a hand-free frame, mean of a recording
 PPM = 1e-6
+_WORDS = "fine", "good"
 
 
 def counts(twin: Twin, truth: Truth) -> Counter[str]:
@@ -43,6 +45,7 @@ def counts(twin: Twin, truth: Truth) -> Counter[str]:
             out += _exactness(twin.parts[pairs[i]], true, truth, T)
             if found.parts[i].cause is None:
                 out += coverage(twin.parts[pairs[i]], true, T)
+                out += _contact(twin.parts[pairs[i]], true, T)
     return out
 
 
@@ -67,6 +70,7 @@ def _of_outcome(found: Outcome) -> Counter[str]:
     out["trusted"] += sum(found.invented)
     out["doubtful"] = found.doubtful
     out["up wrong"] = int(not found.up_right)
+    out["up wrong, told"] = int(not found.up_right and found.up_doubted)
     out["failed clips"] = int(bool(found.invented) or any(p.cause is not None for p in found.parts))
     return out
 
@@ -81,9 +85,18 @@ def _exactness(part: Part, true: TruthPart, truth: Truth, T: Array) -> Counter[s
         ("pivot", errors.pivot_line_mm, PIVOT_MM),
         ("state", errors.state, state),
     ):
-        for limit, word in zip(limits, ("fine", "good"), strict=True):
+        for limit, word in zip(limits, _WORDS, strict=True):
             out[f"{name} {word}"] += value is not None and value <= limit
     return out
+
+
+def _contact(part: Part, true: TruthPart, T: Array) -> Counter[str]:
+    """Whether the contact of a part that a hand held is within each limit; a missing one is not."""
+    if true.grip is None:
+        return Counter()
+    off = contact_mm(part, true, T)
+    within = {word: off is not None and off <= limit for limit, word in zip(CONTACT_MM, _WORDS, strict=True)}
+    return Counter({"contacts": 1, **{f"contact {word}": int(held) for word, held in within.items()}})
 
 
 def coverage(part: Part, true: TruthPart, T: Array) -> Counter[str]:

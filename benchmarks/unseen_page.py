@@ -25,7 +25,7 @@ COLUMNS = (
 # of all true parts; a median is below a limit where half of them are
 EXACT = (
     "group", "axis ≤ 0.3° / 0.7°", "pivot ≤ 3 / 6 mm", "state ≤ 0.3° or 2 mm / 0.5° or 3 mm",
-    "axis within 1 / 2 σ", "pivot within 1 / 2 σ", "states within 1 / 2 σ",
+    "contact ≤ 20 / 60 mm, of the right", "axis within 1 / 2 σ", "pivot within 1 / 2 σ", "states within 1 / 2 σ",
 )  # fmt: skip
 GROUPS = ("ordinary", "hard", "negative")
 CAUSES = get_args(Cause)
@@ -62,7 +62,7 @@ def _cells(group: str, counts: Mapping[str, int]) -> list[str]:
         group, str(n("clips")), str(n("parts")), rate(n("success"), n("parts")), str(n("trusted")),
         rate(n("trusted success"), n("trusted")), rate(n("trusted success"), n("success")),
         f"{n('invented')}, {n('invented trusted')} trusted", str(n("doubtful")),
-        rate(n("exit not 0 where failed"), n("failed clips")), causes or "-", str(n("up wrong")), str(n("broken")),
+        rate(n("exit not 0 where failed"), n("failed clips")), causes or "-", f"{n('up wrong')}, {n('up wrong, told')} told", str(n("broken")),
     ]  # fmt: skip
 
 
@@ -81,7 +81,7 @@ def _exact(group: str, counts: Mapping[str, int]) -> list[str]:
 
     states = " / ".join(_percent(n(f"states within {k} sigma, ppm"), 1_000_000 * n("states")) for k in (1, 2))
     return [
-        group, share("axis", n("parts")), share("pivot", n("hinges")), share("state", n("parts")),
+        group, share("axis", n("parts")), share("pivot", n("hinges")), share("state", n("parts")), share("contact", n("contacts")),
         held("axis"), held("pivot"), states,
     ]  # fmt: skip
 

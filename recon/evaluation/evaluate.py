@@ -23,6 +23,7 @@ from recon.evaluation.scores import (
     JointErrors,
     LabelScore,
     camera_errors,
+    contact_mm,
     joint_errors,
     label_scores,
     match_parts,
@@ -32,7 +33,6 @@ from recon.evaluation.truth import Truth, TruthPart
 from recon.evaluation.walks import is_walk, lacking, walk_scores
 from recon.readers import open_recording
 from recon.recording import Recording
-from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import HAND_LABEL, STATIC_LABEL, Part, Twin
@@ -175,7 +175,7 @@ def _part_rows(
         surface = surface_errors(found.mesh.transformed(T), mesh, seen, sampled(mesh))
     yield from _surface_rows("part", true.name, surface)
     if true.grip is not None:
-        yield _row("contact", true.name, _contact_mm(found, true, T), CHARGE_LENGTH_MM, "mm")
+        yield _row("contact", true.name, contact_mm(found, true, T), CHARGE_LENGTH_MM, "mm")
     yield _row("success", true.name, float(joint.success) if joint else None, 0.0)
     strict = success(joint, labels.miou if labels else None)
     yield _row("success, 5 deg and 2 cm", true.name, float(strict) if joint else None, 0.0)
@@ -204,15 +204,6 @@ def _joint_rows(joint: JointErrors | None, true: TruthPart) -> Iterator[Row]:
     yield _row("ADD", name, e.add if e else None, 0.0, "share")
     yield _row("ADD-S", name, e.add_s if e else None, 0.0, "share")
     yield _row("ADD AUC to 10 cm", name, e.auc if e else None, 0.0, "share")
-
-
-def _contact_mm(found: Part | None, true: TruthPart, T: Array) -> float | None:
-    """How much further from the grip's centre the contact is than the true surface, closed."""
-    if found is None or found.contact is None or true.grip is None:
-        return None
-    grip = true.handle
-    distance = float(np.linalg.norm(geo.transform(T, found.contact.point[None])[0] - grip))
-    return 1e3 * max(0.0, distance - float(DistanceField(true.closed_mesh).distance(grip[None])[0]))
 
 
 def _mean_rows(per_part: Sequence[Sequence[Row]]) -> list[Row]:

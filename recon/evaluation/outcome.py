@@ -51,6 +51,7 @@ class Outcome:
     """parts: one for each true part. invented: of the parts of the twin that are none, whether each is
     trusted. up_right: whether up is within UP_DEG. doubtful: parts of the twin that are neither trusted nor
     refused. refused: types of the reasons against parts that the twin leaves out, each once a part.
+    up_doubted: whether the twin says that up may be wrong.
     """
 
     parts: tuple[PartOutcome, ...]
@@ -58,6 +59,7 @@ class Outcome:
     up_right: bool
     doubtful: int
     refused: tuple[str, ...] = ()
+    up_doubted: bool = False
 
 
 def outcome(twin: Twin, truth: Truth) -> Outcome:
@@ -82,7 +84,11 @@ def outcome(twin: Twin, truth: Truth) -> Outcome:
         if j not in matched and not _is_some_part(p, truth, twin, T)
     ]
     doubtful = sum(not is_trusted(p) for p in twin.parts)
-    return Outcome(tuple(parts), tuple(invented), cameras.up_deg <= UP_DEG, doubtful, _refused(twin))
+    said = () if twin.verdict is None else twin.verdict.reasons
+    up_doubted = any(r.type == "UpUnsure" for r in said)
+    return Outcome(
+        tuple(parts), tuple(invented), cameras.up_deg <= UP_DEG, doubtful, _refused(twin), up_doubted
+    )
 
 
 def _refused(twin: Twin) -> tuple[str, ...]:

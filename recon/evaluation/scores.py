@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from recon.evaluation import metrics
+from recon.evaluation.metrics import DistanceField
 from recon.evaluation.truth import Truth, TruthPart
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import HAND_LABEL, Joint, Motion, Revolute, Trajectory
+from twin.scene import HAND_LABEL, Joint, Motion, Part, Revolute, Trajectory
 
 MIN_PIXEL_SHARE = 0.004  # chosen by us: 1200 pixels at 640x480; fewer say little about a mask
 
@@ -285,3 +286,13 @@ def _overlap(true: Sequence[metrics.Span], found: Sequence[metrics.Span]) -> flo
     if len(true) > 1:
         return metrics.spans_iou(true, found)
     return metrics.span_iou(metrics.span_hull(true), metrics.span_hull(found))
+
+
+def contact_mm(found: Part | None, true: TruthPart, T: Array) -> float | None:
+    """mm by which a part's contact is farther from the grip's centre than the true surface is, closed; None
+    where either is not known."""
+    if found is None or found.contact is None or true.grip is None:
+        return None
+    grip = true.handle
+    distance = float(np.linalg.norm(geo.transform(T, found.contact.point[None])[0] - grip))
+    return 1e3 * max(0.0, distance - float(DistanceField(true.closed_mesh).distance(grip[None])[0]))

@@ -12,7 +12,10 @@ from benchmarks.unseen_page import section
 from recon.evaluation.truth import Truth
 from tests.test_unseen import seen_twin, truth_of
 from twin import geometry as geo
+from twin.placed import placed
 from twin.scene import HAND_LABEL, JointSigma, Part, Revolute, Twin
+from twin.verdict import Verdict, of_twin
+from twin.verdict.reasons import reason
 
 SIGMA = JointSigma(np.radians(0.1), 0.001, 0.01)
 
@@ -91,6 +94,40 @@ def test_hands_are_counted_on_frames_without_one(exact: Twin, truth: Truth) -> N
     assert found["hand above 3 %"] == 0
     labels[first][:, :] = HAND_LABEL
     assert counts(replace(exact, labels=labels), truth)["hand above 3 %"] == 1
+
+
+def test_contact_is_counted_of_right_parts_that_a_hand_held(exact: Twin, truth: Truth) -> None:
+    """By how much farther from the grip than the true surface: 10, 50 and 70 mm, and none at all."""
+    held = [p for p in exact.parts if p.contact is not None]
+    assert held
+    grips = {p.id: p.contact.point for p in held if p.contact is not None}
+    known = replace(truth, parts=tuple(replace(p, grip=grips.get(p.id)) for p in truth.parts))
+    assert counts(exact, truth)["contacts"] == 0, "nobody knows where the hand was"
+    for off, fine, good in ((0.010, 1, 1), (0.050, 0, 1), (0.070, 0, 0), (None, 0, 0)):
+        parts = []
+        for p in exact.parts:
+            contact = p.contact
+            if contact is not None:
+                out = geo.unit(contact.point - p.mesh.area_centroid)
+                contact = None if off is None else replace(contact, point=contact.point + off * out)
+            parts.append(replace(p, contact=contact))
+        found = counts(replace(exact, parts=tuple(parts)), known)
+        assert found["contacts"] == len(held)
+        assert (found["contact fine"], found["contact good"]) == (fine * len(held), good * len(held))
+    missed = counts(replace(exact, parts=exact.parts[1:]), known)
+    assert missed["contacts"] == len(held) - (exact.parts[0] in held)
+
+
+def test_a_wrong_up_is_told_apart_from_one_that_the_twin_doubts(exact: Twin, truth: Truth) -> None:
+    assert exact.cameras is not None
+    leaning = geo.make_pose(geo.exp_so3([np.radians(8.0), 0.0, 0.0]))
+    turned = placed(exact, leaning)
+    assert (counts(turned, truth)["up wrong"], counts(turned, truth)["up wrong, told"]) == (1, 0)
+    doubt = reason("UpUnsure", "doubtful", 0.5, 0.9, "0,-1,0", "")
+    told = replace(
+        turned, verdict=of_twin({p.name: p.verdict or Verdict() for p in turned.parts}, {}, (doubt,))
+    )
+    assert counts(told, truth)["up wrong, told"] == 1
 
 
 def test_the_page_tells_shares_and_coverage(exact: Twin, truth: Truth) -> None:
