@@ -19,7 +19,7 @@ from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
 from twin.report.timeline import timeline
-from twin.runs.manifest import MANIFEST, warnings_of
+from twin.runs.manifest import MANIFEST, seconds_of, warnings_of
 from twin.runs.threads import each
 from twin.scene import Part, Twin
 from twin.storage import load
@@ -107,7 +107,7 @@ def _cards(
         cards.append({"value": str(len(twin.parts)), "name": "moving part" + "s" * (len(twin.parts) != 1)})
     stages = manifest.get("stages", [])
     if stages:
-        cards.append({"value": f"{sum(s['seconds'] for s in stages):.0f} s", "name": "to reconstruct"})
+        cards.append({"value": f"{seconds_of(stages):.0f} s", "name": "to reconstruct"})
         cards.append({"value": f"{max(s['peak_mb'] for s in stages) / 1000:.1f} GB", "name": "peak memory"})
     for s in sections:
         value = "✓" if s.ok else "✗"

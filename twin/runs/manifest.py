@@ -41,6 +41,18 @@ def warnings_of(stages: Sequence[Mapping[str, Any]]) -> list[tuple[str, tuple[in
     return [(name, _frames(item), text) for (item, text), name in out.items()]
 
 
+def seconds_of(stages: Sequence[Mapping[str, Any]]) -> float:
+    """s in which at least one of a run's stages was computed: several windows are at a time. Of a run whose
+    manifest doesn't tell when they began, their sum."""
+    if not all(s.get("began") for s in stages):
+        return float(sum(s["seconds"] for s in stages))
+    spent, until = 0.0, 0.0
+    for began, seconds in sorted((s["began"], s["seconds"]) for s in stages):
+        spent += max(0.0, began + seconds - max(began, until))
+        until = max(until, began + seconds)
+    return spent
+
+
 def _frames(item: str) -> tuple[int, int] | None:
     first, _, last = item.partition("-")
     return (int(first), int(last)) if item else None

@@ -41,7 +41,8 @@ class Progress(Protocol):
 @dataclass(frozen=True, eq=False)
 class StageResult(Generic[T]):
     """Value of a stage with its key, the seconds and the peak memory (MB of the process) of its computation,
-    the warnings it gave, whether it was `cached` and, if not, the `reason` to compute it."""
+    the warnings it gave, whether it was `cached` and, if not, the `reason` to compute it; when that began, s
+    since 1970, 0 where that is not known."""
 
     name: str
     key: str
@@ -51,6 +52,7 @@ class StageResult(Generic[T]):
     warnings: tuple[str, ...]
     cached: bool
     reason: str
+    began: float = 0.0
 
 
 Read = StageResult[Any] | Content
@@ -164,11 +166,6 @@ class Run:
         self._warnings.append(message)
         self._write_manifest()
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """All warnings so far, those of cached stages included."""
-        return (*self._warnings, *(w for r in self.results for w in r.warnings))
-
     def forget(self, results: Iterable[StageResult[Any]]) -> None:
         """Free the memory of results that nothing reads any more."""
         gone = {r.name for r in results}
@@ -201,7 +198,8 @@ class Run:
             return None, why_changed(then, parts)
         try:
             value = codec.load(stored)
-            meta = _meta(record)
+            told = float(record["seconds"]), float(record["peak_mb"]), tuple(record["warnings"])
+            began = float(record.get("began", 0.0))
         except OtherVersionError as e:
             return None, f"its stored result is of another version of Funtwin: {e.problem}"
         except (FuntwinError, OSError, ValueError, KeyError, TypeError) as e:
@@ -209,7 +207,7 @@ class Run:
         if stored != place:
             place.parent.mkdir(exist_ok=True)
             stored.rename(place)
-        return StageResult(name, key, value, *meta, cached=True, reason=""), ""
+        return StageResult(name, key, value, *told, True, "", began), ""
 
     def _compute(
         self,
@@ -219,7 +217,7 @@ class Run:
         codec: Codec[T],
         reason: str,
     ) -> StageResult[T]:
-        start, key = time.perf_counter(), stage_key(name, parts)
+        began, start, key = round(time.time(), 3), time.perf_counter(), stage_key(name, parts)
         reset_peak_memory()
         value, notes = recording_warnings(compute)
         seconds, peak = time.perf_counter() - start, peak_memory_mb()
@@ -227,10 +225,15 @@ class Run:
             value = codec.settle(value)
         else:
             record: dict[str, Any] = {"name": name, "key": key, "parts": parts}
-            record |= {"seconds": round(seconds, 3), "peak_mb": round(peak, 1), "warnings": notes}
+            record |= {
+                "seconds": round(seconds, 3),
+                "peak_mb": round(peak, 1),
+                "warnings": notes,
+                "began": began,
+            }
             self._store(name, value, record, codec)
             value = codec.load(self._place(name))
-        return StageResult(name, key, value, seconds, peak, tuple(notes), cached=False, reason=reason)
+        return StageResult(name, key, value, seconds, peak, tuple(notes), False, reason, began)
 
     def _store(self, name: str, value: T, record: Mapping[str, Any], codec: Codec[T]) -> None:
         place = self._place(name)
@@ -269,7 +272,7 @@ class Run:
             return
         stages = [
             {"name": r.name, "key": r.key, "seconds": round(r.seconds, 3), "peak_mb": round(r.peak_mb, 1)}
-            | {"cached": r.cached, "reason": r.reason, "warnings": list(r.warnings)}
+            | {"cached": r.cached, "reason": r.reason, "warnings": list(r.warnings), "began": r.began}
             for r in self.results
         ]
         update_manifest(
@@ -294,7 +297,3 @@ def _make(folder: Path) -> None:
         raise InputError(
             f"run folder {folder} can't be written ({e.strerror})", "give another folder with -o"
         ) from e
-
-
-def _meta(record: Mapping[str, Any]) -> tuple[float, float, tuple[str, ...]]:
-    return float(record["seconds"]), float(record["peak_mb"]), tuple(record["warnings"])

@@ -19,6 +19,7 @@ from twin.errors import InputError
 from twin.files.text import read_json
 from twin.geometry import Array
 from twin.runs.keys import stage_key
+from twin.runs.manifest import seconds_of
 from twin.runs.setting import Settings, setting
 from twin.runs.settings import load_config
 from twin.runs.stages import Run, StageResult
@@ -208,6 +209,25 @@ def test_a_failing_write_keeps_the_old_result(tmp_path: Path) -> None:
     assert not list((tmp_path / "stages").glob("*.tmp"))
 
 
+def test_the_time_of_a_run_is_that_in_which_something_was_computed(tmp_path: Path) -> None:
+    """Stages at a time count once, what stood still between two attempts not at all."""
+    stages = [
+        {"began": 100.0, "seconds": 10.0},
+        {"began": 105.0, "seconds": 10.0},
+        {"began": 106.0, "seconds": 2.0},
+        {"began": 500.0, "seconds": 1.0},
+    ]
+    assert seconds_of(stages) == pytest.approx(16.0)
+    assert seconds_of(list(reversed(stages))) == pytest.approx(16.0)
+    assert seconds_of([{"seconds": 3.0}, *stages]) == pytest.approx(26.0), "of an older run: the sum"
+    for _ in range(2):
+        with Run(tmp_path, "x") as run:
+            run.stage("a", 1, None, [], lambda: time.sleep(0.05))
+        (told,) = read_json(tmp_path / "manifest.json")["stages"]
+        assert time.time() - 30.0 < told["began"] < time.time() - 0.04
+        assert 0.04 < seconds_of([told]) < 10.0
+
+
 def test_warnings_are_kept_with_the_result(tmp_path: Path) -> None:
     def compute() -> int:
         warnings.warn("the hand is in the first frame", stacklevel=1)
@@ -218,7 +238,6 @@ def test_warnings_are_kept_with_the_result(tmp_path: Path) -> None:
         with Run(tmp_path, "x") as run:
             run.warn("no time stamps")
             assert run.stage("a", 1, None, [], compute).cached is cached
-            assert run.warnings == ("no time stamps", "the hand is in the first frame")
         manifest = read_json(tmp_path / "manifest.json")
         assert manifest["warnings"] == ["no time stamps"]
         assert manifest["stages"][0]["warnings"] == ["the hand is in the first frame"]
