@@ -107,22 +107,41 @@ def in_front(depth: Array, seen: Array, camera: Intrinsics, T_seen_depth: Array)
 
 def depth_normals(depth: NDArray[np.float32], camera: Intrinsics, max_depth: float) -> Array:
     """Camera-facing unit normals (H, W, 3) from depth (H, W) m; NaN at holes, edges, beyond `max_depth`."""
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth.astype(np.float64))
-    valid = (depth > 0) & (depth < max_depth)
-    out = np.full(points.shape, np.nan)
-    du = points[2:-2, 4:] - points[2:-2, :-4]
-    dv = points[4:, 2:-2] - points[:-4, 2:-2]
-    n = np.cross(dv, du)
-    length = np.linalg.norm(n, axis=-1)
-    z = depth[2:-2, 2:-2]
-    ok = valid[2:-2, 2:-2] & valid[2:-2, 4:] & valid[2:-2, :-4] & valid[4:, 2:-2] & valid[:-4, 2:-2]
-    ok &= (np.abs(du[..., 2]) < 0.15 * z) & (np.abs(dv[..., 2]) < 0.15 * z) & (length > 0)
-    # A plane's two one-sided slopes agree; at creases they don't.
-    bend_u = np.abs(depth[2:-2, 4:] + depth[2:-2, :-4] - 2 * z)
-    bend_v = np.abs(depth[4:, 2:-2] + depth[:-4, 2:-2] - 2 * z)
-    ok &= (bend_u < 0.01 * z) & (bend_v < 0.01 * z)
-    inner = out[2:-2, 2:-2]
-    inner[ok] = n[ok] / length[ok][:, None]
-    inner[(inner * points[2:-2, 2:-2]).sum(axis=-1) > 0] *= -1
+    return np.asarray(_normals(np.asarray(depth, np.float32), camera.vector, np.float32(max_depth)))
+
+
+@numba.njit(cache=True, nogil=True)
+def _normals(depth: F32, camera: Array, most: np.float32) -> Array:
+    h, w = depth.shape
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
+    out = np.full((h, w, 3), np.nan)
+    step, bend, none = np.float32(0.15), np.float32(0.01), np.float32(0)
+    for y in range(2, h - 2):
+        for x in range(2, w - 2):
+            z, left, right = depth[y, x], depth[y, x - 2], depth[y, x + 2]
+            above, below = depth[y - 2, x], depth[y + 2, x]
+            if not (none < min(z, left, right, above, below) and max(z, left, right, above, below) < most):
+                continue
+            # A plane's two one-sided slopes agree; at creases they don't.
+            twice = np.float32(2) * z
+            if not (abs(right + left - twice) < bend * z and abs(below + above - twice) < bend * z):
+                continue
+            p, q, a, b = np.float64(left), np.float64(right), np.float64(above), np.float64(below)
+            du0 = (x + 2 - cx) / fx * q - (x - 2 - cx) / fx * p
+            du1 = (y - cy) / fy * q - (y - cy) / fy * p
+            du2 = q - p
+            dv0 = (x - cx) / fx * b - (x - cx) / fx * a
+            dv1 = (y + 2 - cy) / fy * b - (y - 2 - cy) / fy * a
+            dv2 = b - a
+            if not (abs(du2) < step * z and abs(dv2) < step * z):
+                continue
+            n0, n1, n2 = dv1 * du2 - dv2 * du1, dv2 * du0 - dv0 * du2, dv0 * du1 - dv1 * du0
+            length = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+            if not length > 0:
+                continue
+            n0, n1, n2 = n0 / length, n1 / length, n2 / length
+            z64 = np.float64(z)
+            away = n0 * ((x - cx) / fx * z64) + n1 * ((y - cy) / fy * z64) + n2 * z64
+            turn = -1.0 if away > 0 else 1.0
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = turn * n0, turn * n1, turn * n2
     return out

@@ -105,6 +105,15 @@ def test_bases_and_smallest_rotations(seed: int) -> None:
         assert geo.rotation_angle(r) == pytest.approx(geo.angle_between(a, target), abs=1e-7)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_one_vector_is_treated_as_a_batch_of_one_to_the_bit(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(50):
+        v = rng.normal(size=3) * 10.0 ** rng.uniform(-9, 3)
+        np.testing.assert_array_equal(geo.unit(v), geo.unit(v[None])[0])
+        np.testing.assert_array_equal(geo.exp_so3(v), geo.exp_so3(v[None])[0])
+
+
 def test_a_zero_direction_is_refused() -> None:
     with pytest.raises(ValueError, match="not zero"):
         geo.unit([0.0, 0.0, 0.0])

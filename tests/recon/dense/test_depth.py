@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.dense.depth import look_up
+from recon.dense.depth import depth_normals, look_up
 from recon.recording import Intrinsics
 from twin.geometry import Array
 
@@ -85,3 +85,29 @@ def test_what_is_beside_behind_or_too_near_is_not_in_view() -> None:
     assert look_up(depth, CAMERA, near, near=0.05).inside.all()
     depth[60, 60] = 0.0
     assert look_up(depth, CAMERA, near[1:]).z.tolist() == [0.0]  # in view, and unknown
+
+
+def test_normals_are_those_of_the_planes_and_none_stands_at_holes_creases_and_far_away() -> None:
+    wall, floor = np.array([0.3, 0.1, -0.9]), np.array([0.0, -1.0, -0.05])
+    wall, floor = wall / np.linalg.norm(wall), floor / np.linalg.norm(floor)
+    far, low = plane_depth(CAMERA, wall, -2.0), plane_depth(CAMERA, floor, -0.35)
+    on_floor = (low > 0) & (low < far)
+    depth = np.where(on_floor, low, far).astype(np.float32)
+    depth[30:33, 60:63] = 0.0
+    found = depth_normals(depth, CAMERA, np.inf)
+    known = np.isfinite(found).all(axis=-1)
+    for plane, mine in ((wall, ~on_floor), (floor, on_floor)):
+        some = found[known & mine]
+        assert len(some) > 0.3 * mine.sum()
+        assert np.mean(np.abs(some - plane).max(axis=1) < 1e-3) > 0.95, "but beside the crease"
+    beside = np.zeros(depth.shape, bool)  # those two pixels off, across or along, that a hole is in
+    for down, right in ((0, 0), (2, 0), (-2, 0), (0, 2), (0, -2)):
+        beside |= np.roll(depth == 0, (down, right), (0, 1))
+    assert not known[beside].any()
+    crease = np.argmax(on_floor, axis=0)
+    assert not known[crease, np.arange(CAMERA.width)].any()
+    assert not known[:2].any()
+    assert not known[:, -2:].any()
+    nearer = np.isfinite(depth_normals(depth, CAMERA, 1.9)).all(axis=-1)
+    assert nearer.any()
+    assert not nearer[depth >= 1.9].any()
