@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from recon.completion import COMPLETION, inferred_layers, with_layers
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
 from recon.inspection.findings import as_reason, doubts, only_after
@@ -29,6 +28,7 @@ from recon.survey import Surveyed, survey
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.texture.photo_textures import TEXTURE, photo_textures
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
+from recon.verdict.completion import COMPLETION, inferred_layers, with_layers
 from recon.verdict.judge import VERDICT, Fault, judge
 from recon.windows.windows import is_long
 from twin.cause import Cause
@@ -195,7 +195,8 @@ def _judged_twin(
     twin = with_handles(twin, sections.value)
     # What no camera saw of the furniture, from which an export takes what it shows.
     reads = [*reads, dressed, sections]
-    layers = stage(COMPLETION, reads, lambda: inferred_layers(twin), *([given] if given else []))
+    names = [p.name for p in twin.parts]  # pieces carry them
+    layers = stage(COMPLETION, reads, lambda: inferred_layers(twin), names)
     return with_layers(twin, layers.value)
 
 

@@ -11,6 +11,7 @@ import pytest
 from recon import pipeline
 from recon.config import ReconConfig
 from recon.contact.up.decide import ODDS, Upright, turned
+from recon.verdict.completion import Layers
 from recon.verdict.judge import Judged
 from tests.makers.recon.steep import steep
 from twin.level import doubts_about_up
@@ -25,7 +26,8 @@ ANOTHER = reason("HandWhereNobodyIs", "doubtful", 3, 0.1, 0.03)
 def twin_with(doubt: Reason | None) -> Twin:
     """The twin of a world without parts, of which the verdict has one reason of its own."""
     seen = steep(30.0, with_part=False)
-    told: dict[str, Any] = {"contact": (), "texture": {}, "verdict": Judged({}, (ANOTHER,)), "handle": {}}
+    told: dict[str, Any] = {"contact": (), "texture": {}, "verdict": Judged({}, (ANOTHER,))}
+    told |= {"handle": {}, "completion": Layers(None, {})}
 
     class Told:
         run, config = SimpleNamespace(loop=lambda _: None), ReconConfig()

@@ -9,7 +9,7 @@ import pytest
 
 import twin
 from benchmarks.scenes.boards import cabinet_twin
-from recon.completion import inferred_layers, with_layers
+from recon.verdict.completion import inferred_layers, with_layers
 from tests.makers.runs import twin_bytes
 from tests.twin.completion.test_worn import scan
 from twin.completion import has_completion, with_completion
