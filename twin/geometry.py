@@ -26,8 +26,7 @@ def unit(vector: ArrayLike) -> Array:
     v = as_float(vector)
     if v.shape == (3,):  # the same to the bit, in a tenth of the time
         x, y, z = v.tolist()
-        length = math.sqrt(x * x + y * y + z * z)
-        if 1e-12 <= length < math.inf:
+        if 1e-12 <= (length := math.sqrt(x * x + y * y + z * z)) < math.inf:
             return np.array([x / length, y / length, z / length])
     n = np.linalg.norm(v, axis=-1, keepdims=True)
     if not np.all(np.isfinite(n)) or np.any(n < 1e-12):
@@ -51,8 +50,7 @@ def exp_so3(rotvec: ArrayLike) -> Array:
     k = skew(w)
     if w.shape == (3,):  # the same to the bit, in a third of the time
         x, y, z = w.tolist()
-        length = math.sqrt(x * x + y * y + z * z)
-        if length >= _SMALL_ANGLE:
+        if (length := math.sqrt(x * x + y * y + z * z)) >= _SMALL_ANGLE:
             sin, cos = float(np.sin(length)), float(np.cos(length))
             return np.eye(3) + sin / length * k + (1.0 - cos) / (length * length) * (k @ k)
     angle = np.linalg.norm(w, axis=-1)[..., None, None]
@@ -87,11 +85,7 @@ def _left_jacobian(w: Array) -> Array:
 def exp_se3(twist: ArrayLike) -> Array:
     """Poses (..., 4, 4) of twists (..., 6) = (translational v, rotational w)."""
     x = as_float(twist)
-    out = np.zeros((*x.shape[:-1], 4, 4))
-    out[..., :3, :3] = exp_so3(x[..., 3:])
-    out[..., :3, 3] = (_left_jacobian(x[..., 3:]) @ x[..., :3, None])[..., 0]
-    out[..., 3, 3] = 1.0
-    return out
+    return make_pose(exp_so3(x[..., 3:]), (_left_jacobian(x[..., 3:]) @ x[..., :3, None])[..., 0])
 
 
 def log_se3(pose: ArrayLike) -> Array:
@@ -199,11 +193,7 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
     s[..., 0, 0] = s[..., 1, 1] = 1.0
     s[..., 2, 2] = np.where(d == 0, 1.0, d)
     r = np.swapaxes(u @ s @ vt, -1, -2)
-    out = np.zeros((*h.shape[:-2], 4, 4))
-    out[..., :3, :3] = r
-    out[..., :3, 3] = (np.swapaxes(cb, -1, -2) - r @ np.swapaxes(ca, -1, -2))[..., 0]
-    out[..., 3, 3] = 1.0
-    return out
+    return make_pose(r, (np.swapaxes(cb, -1, -2) - r @ np.swapaxes(ca, -1, -2))[..., 0])
 
 
 def rotation_angle(rotation: ArrayLike) -> Any:
