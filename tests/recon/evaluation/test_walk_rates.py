@@ -73,7 +73,8 @@ def test_a_walk_without_a_twin_is_charged_with_all_that_was_to_be_found(truth: T
     assert "| rooms right | 1/2 = 50 %" in rows
     assert "| interaction recall, all | 7/14 = 50 %" in rows
     assert f"| frames with neither | {FRAMES}/{2 * FRAMES} = 50.0 % |" in rows
-    assert "| states right, missed parts charged |" in rows
+    right, frames = good.states.right, good.states.frames + 3 * FRAMES
+    assert f"| states right, missed parts charged | {right}/{frames} = {100 * right / frames:.1f} % |" in rows
     assert "| false loops | 1 of 3 |" in rows
     assert rows.endswith("| walks without a twin | 1 |")
 
