@@ -29,7 +29,7 @@ from recon.readers import open_recording
 from recon.recording.decoded import decoded_once
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
-from recon.survey import survey
+from recon.stages.survey import survey
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.chain import Chain
 from twin.runs.stages import Run

@@ -24,7 +24,7 @@ from recon.readers import open_recording
 from recon.recording import Recording
 from recon.recording.decoded import decoded_once
 from recon.recording.said import require_said
-from recon.survey import Surveyed, survey
+from recon.stages.survey import Surveyed, survey
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.texture.photo_textures import TEXTURE, photo_textures
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where

@@ -54,11 +54,11 @@ def stages_of_the_pipeline() -> list[str]:
 
     places = (
         ("pipeline", "_run"),
-        ("odometry", "odometry"),
-        ("survey", "survey"),
+        ("stages.odometry", "odometry"),
+        ("stages.survey", "survey"),
         ("interaction.interaction", "interact"),
         ("interaction.interaction", "_solved"),
-        ("survey", "_upright"),
+        ("stages.survey", "_upright"),
         ("pipeline", "_judged_twin"),
     )
     found = [name for module, function in places for name in calls(f"recon.{module}", function)]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from recon import odometry
 from recon.cameras import submaps
 from recon.pipeline import _SECONDS, _SECONDS_OF_WALK, reconstruct
+from recon.stages import odometry
 from tests.makers.recon.walk import walk_folder
 from tests.makers.runs import STAGES, computed, twin_bytes
 from twin.files.text import read_json
@@ -43,7 +43,7 @@ def test_a_minute_appended_computes_what_it_touches_and_gives_what_a_fresh_run_g
 ) -> None:
     """Law 4: submaps that end before, and windows in these alone, are kept. Law 3: windows that processes
     solve ahead have the bytes of those that are solved one after the other."""
-    monkeypatch.setattr("recon.ahead.threads", lambda: 2)
+    monkeypatch.setattr("recon.stages.ahead.threads", lambda: 2)
     recording, run = walk_folder(tmp_path / "walk", 2), tmp_path / "run"
     heard: list[str] = []
     reconstruct(recording, out=run, progress=lambda stage, *_: heard.append(stage))
@@ -64,7 +64,7 @@ def test_a_minute_appended_computes_what_it_touches_and_gives_what_a_fresh_run_g
     assert not set(kept) & set(again)
     assert {"frames", "tracks", "cameras", "merge", "fusion"} <= set(again)
 
-    monkeypatch.setattr("recon.ahead.threads", lambda: 1)  # one window after the other
+    monkeypatch.setattr("recon.stages.ahead.threads", lambda: 1)  # one window after the other
     fresh = tmp_path / "fresh"
     reconstruct(recording, out=fresh)
     assert without_provenance(run) == without_provenance(fresh)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recon.interaction.interaction import Interaction, cameras_of, frame_of
 from recon.interaction.motion.intervals import state_intervals
-from recon.interaction.parts.changed.compete import followers
+from recon.interaction.parts.compete import followers
 from recon.interaction.parts.found import FoundParts, PartTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.merge import Merged, Share, merge

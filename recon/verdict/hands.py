@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import look_up
-from recon.interaction.motion.change.arms import has_shape_of_arm
+from recon.interaction.boards.arms import has_shape_of_arm
 from recon.verdict.posed import PosedTwin, gate, opened
 from twin import geometry as geo
 from twin.geometry import Array

@@ -1,4 +1,4 @@
-"""Parts by two witnesses, tracks and changed depth: tracks alone drift along edges, depth alone is coarse."""
+"""Parts by two witnesses, tracks and depth: tracks alone drift along edges, depth alone is coarse."""
 
 from __future__ import annotations
 
@@ -8,23 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from recon.interaction.boards.search import MEANWHILE, carried_along, together
 from recon.interaction.joints.config import LIMIT_QUANTILE
 from recon.interaction.joints.sign_and_limits import smoothed
 from recon.interaction.motion.intervals import state_intervals
 from recon.interaction.motion.movers import Movers
-from recon.interaction.parts.changed.compete import Witnessed, followers, witnessed
-from recon.interaction.parts.changed.search import MEANWHILE, carried_along, together
+from recon.interaction.parts.compete import Witnessed, followers, witnessed
 from recon.interaction.parts.found import PartTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin.describe import range_text
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-# Agreement of depth with the tracks' states, over that with its own states. Right states have .9 and more in
-# seven open recordings and .37 to 1 in cabinets of closed form. A hand along a drawer's axis and slipping
-# tracks have 0. For a strip sliding in its plane, slipping tracks covered a twentieth of the way and depth up
-# to 2.2 times the true way (four open recordings). Chosen by us.
-_AS_WELL = 0.15
 # Tracks of a part that need no second witness, with the axis as sure as below. Of the joints that depth did
 # not confirm in 110 recordings we looked at, all seven with such tracks were right, and depth's own joint was
 # wrong or the same; of 27 others three were right or nearly so. Chosen by us.
@@ -44,9 +39,9 @@ def reconciled_parts(
 ) -> tuple[PartTracks, ...]:
     """The parts by both witnesses, at most `most`.
 
-    A joint that both find is taken from the tracks, which are finer, unless depth contradicts their states:
-    tracks that slip along a part or lie on the hand know its joint but not its way. Where they slip for a
-    part of the way, the states there are depth's. If depth finds a part,
+    A joint of the tracks, which are finer, is taken where it explains what depth shows as well as depth's
+    own, with the states that explain more: tracks that slip along a part or lie on the hand know its joint
+    but not its way. If depth finds a part,
     track-only parts that depth does not confirm are dropped with a warning: corners that drift along edges
     follow some joint as well. Many tracks with a sure axis need no confirmation: a part that depth finds
     moving meanwhile is the same part, badly seen.
@@ -59,7 +54,7 @@ def reconciled_parts(
     parts: list[PartTracks] = []
     taken: set[int | None] = set()
     for w in seen[:most]:
-        if w.by_tracks is None or w.as_well <= _AS_WELL:
+        if w.by_tracks is None:
             if not _goes_along(w, seen) and not any(_meanwhile(w, f, cameras) for f in firm):
                 parts.append(_of_depth(w, recording, cameras, movers))
         elif w.by_tracks not in taken:

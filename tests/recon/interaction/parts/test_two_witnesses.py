@@ -10,11 +10,11 @@ from typing import cast
 import numpy as np
 import pytest
 
+from recon.interaction.boards.proposals import Proposed
+from recon.interaction.boards.search import DepthPart
 from recon.interaction.motion.movers import Movers
-from recon.interaction.parts.changed import compete
-from recon.interaction.parts.changed.compete import Witnessed, witnessed
-from recon.interaction.parts.changed.proposals import Proposed
-from recon.interaction.parts.changed.search import ChangedPart
+from recon.interaction.parts import compete
+from recon.interaction.parts.compete import Witnessed, witnessed
 from recon.interaction.parts.found import PartTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.parts.two_witnesses import _goes_along, reconciled_parts
@@ -34,16 +34,16 @@ def clip(request: pytest.FixtureRequest) -> Clip:
 @pytest.fixture(scope="module", autouse=True)
 def _searched_once() -> Iterator[None]:
     """What depth tells of a recording and of the joints that are proposed is searched once for all tests."""
-    search, known = compete.changed_parts, dict[object, tuple[Recording, list[ChangedPart]]]()
+    search, known = compete.parts_by_depth, dict[object, tuple[Recording, list[DepthPart]]]()
 
-    def kept(recording: Recording, cameras: Trajectory, joints: Sequence[Proposed] = ()) -> list[ChangedPart]:
+    def kept(recording: Recording, cameras: Trajectory, joints: Sequence[Proposed] = ()) -> list[DepthPart]:
         key = id(recording), tuple((j.kind, j.axis.tobytes(), j.pivot.tobytes()) for j in joints)
         if key not in known:
             known[key] = recording, search(recording, cameras, joints)
         return known[key][1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compete, "changed_parts", kept)
+        patch.setattr(compete, "parts_by_depth", kept)
         yield
 
 
@@ -122,36 +122,30 @@ def with_states(clip: Clip, state: Array) -> MovingPart:
     return replace(clip.part, motion=replace(clip.part.motion, state=state))
 
 
+NEAR = {"revolute": np.radians(4.0), "prismatic": 0.02}  # rad or m: the grid of depth's states, and its noise
+
+
 def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) -> None:
     """Tracks that slip along a part go too short a way, a hand that comes along the part's axis sets out too
-    early. Where a strip of a panel is all that changed, depth only tells how far it goes."""
+    early."""
     none, true = np.zeros(0, bool), clip.part.motion.state
     early = np.interp(np.arange(26) + 5, np.arange(26), true)
-    strip = (
-        bool(np.isclose(clip.part.joint.axis @ [0.0, 1.0, 0.0], 0.0)) and clip.part.joint.kind == "prismatic"
-    )
-    other = "motion" if strip else "depth"
-    for state, source in ((0.1 * true, "depth"), (0.4 * true, other), (early, other), (true, "motion")):
+    for state in (0.1 * true, 0.4 * true, early, true):
         told = [PartTracks(with_states(clip, state), none, "motion")]
         (part,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
-        assert part.type_source == source
+        assert part.type_source == "motion"
+        assert part.part.motion.state == pytest.approx(true, abs=NEAR[clip.part.joint.kind])
     np.testing.assert_array_equal(part.part.motion.state, true)
 
 
 def test_where_tracks_slip_for_a_part_of_the_way_states_are_depths(clip: Clip) -> None:
-    """At the end they lie on the hand that lets go and goes back by a sixth of the way. A strip that slides
-    in its own plane tells nothing."""
+    """At the end they lie on the hand that lets go and goes back by a sixth of the way."""
     none, true = np.zeros(0, bool), clip.part.motion.state
     back = np.where(np.arange(26) >= 24, true - true[-1] / 6, true)
-    (found,) = witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, back)])
     told = [PartTracks(with_states(clip, back), none, "motion")]
     (part,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
     assert part.type_source == "motion"
-    if found.mended is None:
-        assert clip.part.joint.kind == "prismatic"
-        assert clip.part.joint.axis @ [0.0, 1.0, 0.0] == pytest.approx(0.0)
-        return
-    near = {"revolute": np.radians(4.0), "prismatic": 0.02}[clip.part.joint.kind]
+    near = NEAR[clip.part.joint.kind]
     assert part.part.motion.state[24:] == pytest.approx(true[24:], abs=near)
     np.testing.assert_array_equal(part.part.motion.state[:24], back[:24])
     assert part.part.joint.upper == pytest.approx(true.max(), abs=near)
@@ -166,20 +160,18 @@ def test_states_that_run_on_out_of_view_are_none_of_the_part() -> None:
     for run_on, known in ((0.0, True), (0.1, True), (0.2, False)):
         told = with_states(clip, np.where(np.arange(26) < 4, true - run_on, true))
         (found,) = witnessed(blind, clip.cameras, movers(), [told])
-        assert (found.as_well > 0.5) == known
+        assert (found.mended is None) == known
 
 
-def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> None:
-    """The farther they are from the truth, the less."""
+def test_right_states_of_tracks_stay_as_they_are(clip: Clip) -> None:
+    """Those that are a third too short are mended."""
     true = clip.part.motion.state
-    told = [
-        witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, share * true)])
-        for share in (1.0, 0.8, 0.4)
-    ]  # fmt: skip
-    right, short, shorter = (w[0].as_well for w in told)
-    assert right > 0.35
-    assert right > short >= shorter
-    assert shorter < 0.4
+    (right,) = witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, true)])
+    assert right.mended is None
+    assert right.as_well > 0.8
+    (short,) = witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, true * 2 / 3)])
+    assert short.mended is not None
+    assert short.mended == pytest.approx(true, abs=NEAR[clip.part.joint.kind])
 
 
 def test_a_hand_that_goes_along_with_a_part_is_none_and_a_second_drawer_is_one(clip: Clip) -> None:

@@ -1,5 +1,5 @@
-"""Panels that slide in their own plane: the strips that leave and come are told to be one panel, and its way
-is the true one."""
+"""Panels that slide in their own plane: the strips that leave and come are grown to the panel, and its way is
+the true one."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.interaction.motion.change.depths import Depths
-from recon.interaction.motion.change.surfaces import changed_surfaces
-from recon.interaction.parts.changed.panels import with_panels
-from recon.interaction.parts.changed.search import changed_parts
+from recon.interaction.boards.board import extents
+from recon.interaction.boards.search import parts_by_depth
+from recon.interaction.boards.seeds import seeds
+from recon.observation.pictures import Pictures
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.geometry import Array
@@ -49,29 +49,24 @@ def recorded(depth: list[NDArray[np.float32]], T: Array | None = None) -> tuple[
     return recording, Trajectory(every, every / 15.0, poses)
 
 
-def told(depth: list[NDArray[np.float32]]) -> list[bool]:
-    depths = Depths.of(*recorded(depth))
-    ends = (changed_surfaces(depths, rest) for rest in (0, FRAMES - 1))
-    return [panel for _, panel in with_panels(depths, *ends)]
-
-
-def test_strips_of_one_panel_are_the_panel_at_both_ends() -> None:
-    depths = Depths.of(*recorded(sliding(WAY)))
-    left, came = (changed_surfaces(depths, rest) for rest in (0, FRAMES - 1))
-    assert max(np.ptp(c.points[:, 0]) for c in (*left, *came)) < WAY + 0.02
-    before, after = with_panels(depths, left, came)
-    for (surface, panel), shift in ((before, 0.0), (after, WAY)):
-        assert panel
-        low, high = np.quantile(surface.points[:, 0], (0.01, 0.99))
+def test_a_strip_that_left_or_came_is_grown_to_the_whole_panel() -> None:
+    recording, cameras = recorded(sliding(WAY))
+    pictures = Pictures.of(recording, cameras)
+    for rest, shift in ((0, 0.0), (FRAMES - 1, WAY)):
+        (strip,) = seeds(pictures, rest)
+        assert np.ptp(strip.points[:, 0]) < WAY + 0.02
+        *_, board = extents(pictures, recording, strip)
+        low, high = np.quantile(board.points[:, 0], (0.01, 0.99))
         assert (low, high) == pytest.approx((FRONT[0] + shift, FRONT[1] + shift), abs=0.02)
-        assert np.ptp(surface.points[:, 1]) == pytest.approx(0.4, abs=0.03)
+        assert np.ptp(board.points[:, 1]) == pytest.approx(0.4, abs=0.03)
+        assert board.bounded > 0.9
 
 
 @pytest.mark.parametrize("way", [0.06, 0.12, 0.2])
 def test_a_panel_goes_as_far_as_it_does(way: float) -> None:
     """Not from the one strip to the other, by its own width."""
     T = geo.make_pose(geo.exp_so3([0.3, -0.5, 0.2]), [1.0, 0.5, -0.3])
-    (part,) = changed_parts(*recorded(sliding(way), T))
+    (part,) = parts_by_depth(*recorded(sliding(way), T))
     assert part.joint.kind == "prismatic"
     assert np.degrees(geo.line_angle(part.joint.axis, T[:3, 0])) < 2.0
     assert np.ptp(part.state) == pytest.approx(way, abs=0.012)
@@ -85,49 +80,20 @@ def there_and_back(way: float) -> list[NDArray[np.float32]]:
 
 def test_a_panel_that_is_closed_again_goes_as_far_as_it_did() -> None:
     """At both ends of the recording only the strip at its trailing edge is seen to have been away."""
-    assert told(there_and_back(WAY)) == [True, True]
-    (part,) = changed_parts(*recorded(there_and_back(WAY)))
+    (part,) = parts_by_depth(*recorded(there_and_back(WAY)))
     assert part.joint.kind == "prismatic"
     assert np.degrees(geo.line_angle(part.joint.axis, [1.0, 0.0, 0.0])) < 2.0
     assert np.ptp(part.state) == pytest.approx(WAY, abs=0.012)
     assert abs(part.state[-1]) < 0.012
 
 
-def test_a_thing_that_was_carried_aside_and_back_is_no_panel() -> None:
-    assert not any(
-        told(
-            [
-                depth_of(-0.25 + s, -0.1 + s)
-                for s in 0.25 * np.interp(np.arange(FRAMES), [5, 9, 14, 18], [0, 1, 1, 0])
-            ]
-        )
-    )
-
-
-def test_strips_of_one_panel_may_be_hidden_in_part() -> None:
+def test_a_panel_whose_way_is_hidden_in_part_goes_as_far_as_it_does() -> None:
     """Something stands before two thirds of where it slides to."""
     box = (FRONT[1] + 0.01 < X) & (Y < 0.06)
     hidden = [np.where(box, 0.7, d).astype(np.float32) for d in sliding(0.17)]
-    assert told(hidden) == [True, True]
-
-
-def test_what_is_no_panel_is_none() -> None:
-    """A thing that was carried aside leaves nothing between; strips of two planes, or of unlike widths, are
-    none of one panel."""
-    first, last = sliding(WAY)[0], sliding(WAY)[-1]
-    assert told(sliding(WAY)) == [True, True]
-    assert not any(told(sliding(0.25, -0.25, -0.1)))  # it goes past its own width
-    nearer = np.minimum(depth_of(FRONT[0] + WAY, FRONT[1]), depth_of(FRONT[1], FRONT[1] + WAY, 0.9))
-    other = [first] * 12 + [nearer] * 12
-    assert not any(told(other))
-    wider = [first] * 12 + [np.where(X > 0.15, depth_of(0.15, 0.45), last).astype(np.float32)] * 12
-    assert not any(told(wider))
-
-
-def test_where_the_plane_between_is_seen_through_there_is_no_panel() -> None:
-    hole = (np.abs(X + 0.04) < 0.04) & (np.abs(Y) < 0.15)
-    pierced = [np.where(hole, BACK, d).astype(np.float32) for d in sliding(WAY)]
-    assert not any(told(pierced))
+    (part,) = parts_by_depth(*recorded(hidden))
+    assert part.joint.kind == "prismatic"
+    assert np.ptp(part.state) == pytest.approx(0.17, abs=0.012)
 
 
 def test_a_part_that_is_in_view_for_a_fifth_of_the_time_is_found() -> None:
@@ -144,7 +110,7 @@ def test_a_part_that_is_in_view_for_a_fifth_of_the_time_is_found() -> None:
     recording = Recording(
         "aside", "aside", every / 15.0, CAMERA, lambda _: color, lambda f: depth[f], "aside"
     )
-    (part,) = changed_parts(recording, Trajectory(every, every / 15.0, poses))
+    (part,) = parts_by_depth(recording, Trajectory(every, every / 15.0, poses))
     assert part.joint.kind == "prismatic"
     assert np.degrees(geo.line_angle(part.joint.axis, [0.0, 0.0, 1.0])) < 8.0
     assert np.ptp(part.state) == pytest.approx(0.12, abs=0.02)

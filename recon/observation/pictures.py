@@ -1,4 +1,4 @@
-"""Thinned-out depth of the frames whose camera is known, and how far it scatters in this very recording."""
+"""Thinned-out depth and colour of the frames whose camera is known, and how far depth scatters there."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ from twin.scene import Trajectory
 WIDTH = 160
 # Most frames. In ten minutes they are four seconds apart.
 ROWS = 150
+# Share of the depth by which a pixel's own neighbours may differ on one slanted surface.
+_SLANT = 0.04
 # Pairs of frames that are compared for the noise.
 _PAIRS = 12
 # Bins of depth for the noise.
@@ -34,30 +36,31 @@ _SIGMA_LEAST = 0.0015
 
 
 @dataclass(frozen=True, eq=False)
-class Depths:
-    """Depth (T, h, w) m, 0 unknown, and 8-bit Lab colour (T, h, w, 3) of frames (T,), with their cameras."""
+class Pictures:
+    """Depth (T, h, w) m, 0 unknown, and 8-bit Lab colour (T, h, w, 3) of frames (T,), with their cameras.
+
+    near, far: (T, h, w) m, the range of depth within each thinned pixel; both its own depth at a jump.
+    """
 
     camera: Intrinsics
     frames: NDArray[np.int64]
     depth: F32
+    near: F32
+    far: F32
     colour: NDArray[np.uint8]
     T_world_cam: Array
 
     @staticmethod
-    def of(recording: Recording, cameras: Trajectory) -> Depths:
-        """Depth of the posed frames, evenly thinned out in time and space."""
+    def of(recording: Recording, cameras: Trajectory) -> Pictures:
+        """Pictures of the posed frames, evenly thinned out in time and space."""
         step = max(1, recording.intrinsics.width // WIDTH)
         count = len(cameras.frames)
         rows = np.unique(np.linspace(0, count - 1, min(count, ROWS)).round().astype(np.int64))
         frames = np.asarray(cameras.frames)[rows]
-
-        def thin(frame: int) -> tuple[F32, NDArray[np.uint8]]:
-            depth = np.ascontiguousarray(recording.depth(frame)[::step, ::step], np.float32)
-            lab = cv2.cvtColor(cv2.blur(recording.color(frame), (step, step)), cv2.COLOR_RGB2LAB)
-            return depth, np.ascontiguousarray(lab[::step, ::step])
-
-        depth, colour = (np.stack(c) for c in zip(*each(thin, map(int, frames)), strict=True))
-        return Depths(recording.intrinsics.strided(step), frames, depth, colour, cameras.T_world_cam[rows])
+        found = list(each(lambda f: _thinned(recording, int(f), step), frames))
+        depth, near, far, colour = (np.stack(c) for c in zip(*found, strict=True))
+        camera = recording.intrinsics.strided(step)
+        return Pictures(camera, frames, depth, near, far, colour, cameras.T_world_cam[rows])
 
     @cached_property
     def T_cam_world(self) -> Array:
@@ -81,10 +84,12 @@ class Depths:
 
         Depths are equal within `sigmas` standard deviations of noise, and within `least` m.
         """
-        gate = max(least, sigmas * self.noise.base)
-        return np.asarray(
-            look(points, self.T_cam_world[row], self.depth[row], *self.lens, gate, sigmas * self.noise.slope)
-        )
+        gate, slope = self.gates(sigmas, least)
+        return np.asarray(look(points, self.T_cam_world[row], self.depth[row], *self.lens, gate, slope))
+
+    def gates(self, sigmas: float, least: float) -> tuple[float, float]:
+        """Base (m) and slope (1/m) with z^2 of what counts as an equal depth."""
+        return max(least, sigmas * self.noise.base), sigmas * self.noise.slope
 
     @cached_property
     def noise(self) -> DepthNoise:
@@ -113,3 +118,24 @@ class Depths:
         p = geo.transform(self.T_cam_world[b], self.points(a)[known][::3])
         seen, z = look_up(self.depth[b], self.camera, p).z, p[:, 2]
         return z[seen > 0], (seen - z)[seen > 0]
+
+
+def _thinned(recording: Recording, frame: int, step: int) -> tuple[F32, F32, F32, NDArray[np.uint8]]:
+    """Depth, its range near and far, and Lab colour (h, w) of every `step`th pixel of a frame."""
+    lab = cv2.cvtColor(cv2.blur(recording.color(frame), (step, step)), cv2.COLOR_RGB2LAB)
+    depth, near, far = depth_range(np.asarray(recording.depth(frame), np.float32), step)
+    return depth, near, far, np.ascontiguousarray(lab[::step, ::step])
+
+
+def depth_range(full: F32, step: int) -> tuple[F32, F32, F32]:
+    """Every `step`th pixel (h, w) of a depth image, with the least and greatest depth, m, about each."""
+    window = np.ones((max(3, step | 1),) * 2, np.uint8)
+    nearest, farthest = (
+        cv2.erode(np.where(full > 0, full, np.float32(np.inf)), window),
+        cv2.dilate(full, window),
+    )
+    depth, near, far = (
+        np.ascontiguousarray(d[::step, ::step], np.float32) for d in (full, nearest, farthest)
+    )
+    one = (depth > 0) & (far - near < _SLANT * depth)
+    return depth, np.where(one, near, depth), np.where(one, far, depth)

@@ -1,8 +1,9 @@
-"""Joints that a surface's shape suggests: a board turns about an edge, or slides along normal or edge."""
+"""Joints that a board's shape and the room suggest: hinges at edges, slides along the normal and edges."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import cv2
@@ -18,9 +19,11 @@ _ON_PLANE_M = 0.02
 _TRIES = 200
 # How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so the
 # surface seen to leave ends before it, by that gap over the sine of the opening. Chosen by us.
-_BEYOND_M = (0.0, 0.05, 0.1)
+BEYOND_M = (0.0, 0.05, 0.1)
 # Quantile of the points that is an edge, so that single points do not shift the edge. Chosen by us.
 _LENGTH = 0.98
+# Rad within which an axis may be a direction of the room. Chosen by us.
+_OF_ROOM = np.radians(12.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +45,8 @@ class Proposed:
         return out
 
 
-def proposed_joints(points: Array) -> list[Proposed]:
-    """Three slides of the rectangle about a surface's points (n, 3), and hinges at and beyond its edges."""
+def proposed_joints(points: Array, beyond: Sequence[float] = BEYOND_M) -> list[Proposed]:
+    """Three slides of the rectangle about a surface's points (n, 3), and hinges up to m beyond its edges."""
     normal, on = plane_of(points)
     basis = geo.orthogonal_basis(normal)[:, :2]
     flat = (on - on.mean(axis=0)) @ basis
@@ -56,9 +59,19 @@ def proposed_joints(points: Array) -> list[Proposed]:
     out = [Proposed("prismatic", d, middle) for d in (normal, sides[:, 0], sides[:, 1])]
     for k in range(2):
         half = 0.5 * (high[k] - low[k])
-        for beyond, sign in product(_BEYOND_M, (-1.0, 1.0)):
-            edge = middle + sides[:, k] * sign * (half + beyond)
+        for gap, sign in product(beyond, (-1.0, 1.0)):
+            edge = middle + sides[:, k] * sign * (half + gap)
             out.append(Proposed("revolute", sides[:, 1 - k], edge))
+    return out
+
+
+def along_room(joints: Sequence[Proposed], room: Array) -> list[Proposed]:
+    """The joints with axes turned onto the direction of the room (3, m) next to each, if one is near."""
+    out = []
+    for joint in joints:
+        at = int(np.argmax(np.abs(joint.axis @ room))) if room.shape[1] else None
+        if at is not None and geo.line_angle(joint.axis, room[:, at]) < _OF_ROOM:
+            out.append(replace(joint, axis=room[:, at] * np.sign(joint.axis @ room[:, at])))
     return out
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.interaction.motion.change.arms import has_shape_of_arm, is_arm
+from recon.interaction.boards.arms import has_shape_of_arm, is_arm
 from recon.recording import Intrinsics
 from twin.geometry import Array
 

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.ahead import solve_ahead
 from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.path import LOOPS, PATH, close_loops, find_loops
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
@@ -22,10 +21,11 @@ from recon.interaction.parts.found import FoundParts
 from recon.merge.merge import MERGE, Merged, as_merged, merge
 from recon.merge.recall import RECALL, found_again, recall
 from recon.merge.relabel import all_labels
-from recon.odometry import odometry
 from recon.recording import Recording
 from recon.recording.contents import FRAMES, frame_digests
 from recon.recording.said import Said
+from recon.stages.ahead import solve_ahead
+from recon.stages.odometry import odometry
 from recon.windows.said_windows import said_windows
 from recon.windows.windows import WINDOWS, Window, apart, find_windows, is_long
 from twin.runs.chain import Chain

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.ahead import solve_ahead
 from recon.cameras.poses import CAMERAS, SUBMAPS, camera_poses, submap_poses
 from recon.cameras.submaps import Piece, regular_spans, solve_pieces
 from recon.recording import Recording
 from recon.recording.contents import content_of
+from recon.stages.ahead import solve_ahead
 from recon.tracking.follow import CORNERS, TRACKS, Stretch, follow, track_points, tracks_of
 from recon.tracking.tracks import SparseTracks
 from twin.geometry import Array

@@ -1,7 +1,7 @@
-"""Surfaces that left their place, and surfaces that came to it.
+"""Surfaces that left their place, and surfaces that came to it: where boards are sought.
 
-A surface that a frame at rest sees and other frames see through was not there at all times. Surfaces of the
-recording's first frame leave later; surfaces of its last frame came before.
+A surface that a row at rest sees and other rows see through was not there at all times. Surfaces of the
+first row leave later; surfaces of the last row came before.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.looks import SAME, THROUGH
-from recon.interaction.motion.change.arms import is_arm
-from recon.interaction.motion.change.depths import Depths
-from recon.interaction.motion.change.kernels import BARED, FRESH, OLD
+from recon.dense.looks import THROUGH
+from recon.interaction.boards.arms import is_arm
+from recon.observation.origins import AMID
+from recon.observation.pictures import Pictures
 from twin.geometry import Array
 
 # All chosen by us. Least gap in standard deviations of noise.
@@ -42,33 +42,40 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True, eq=False)
-class Changed:
-    """A surface at rest in row `rest` of depths: pixels (h, w), points (n, 3) m, Lab colours (n, 3)."""
+class Seed:
+    """A surface at rest in row `rest` of pictures: pixels (h, w), points (n, 3) m, Lab colours (n, 3).
+
+    bounded: share of its outline, 0..1, at which an edge or the end of its plane was seen; 1 if not asked.
+    """
 
     rest: int
     mask: NDArray[np.bool_]
     points: Array
     tint: Array
+    bounded: float = 1.0
+
+    @staticmethod
+    def of(pictures: Pictures, rest: int, mask: NDArray[np.bool_], bounded: float = 1.0) -> Seed:
+        points, tint = pictures.points(rest)[mask], pictures.colour[rest][mask].astype(np.float64)
+        return Seed(rest, mask, points, tint, bounded)
 
 
-def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
+def seeds(pictures: Pictures, rest: int) -> list[Seed]:
     """Pieces of surface that row `rest` sees and several others see through, largest first, without arms."""
-    known = depths.depth[rest] > 0
-    points = depths.points(rest)
-    gone = np.stack(
-        [depths.look(points[known], t, SIGMAS, GAP_M) == THROUGH for t in range(len(depths.frames))]
-    )
+    depth = pictures.depth[rest]
+    known = depth > 0
+    points = pictures.points(rest)[known]
+    gone = np.stack([pictures.look(points, t, SIGMAS, GAP_M) == THROUGH for t in range(len(pictures.frames))])
     spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
     left = np.zeros(known.shape, np.uint8)
     left[known] = spans >= _SPANS
-    solid = _filled(left, depths.depth[rest]) & ~_torn(depths.depth[rest])
+    solid = _filled(left, depth) & ~_torn(depth)
     opened = cv2.morphologyEx(solid, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     piece = np.where(left > 0, cv2.connectedComponents(opened, connectivity=4)[1], 0)
     area = np.bincount(piece.ravel())[1:]
     large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
-    colour = depths.colour[rest].astype(np.float64)
-    found = [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
-    return [c for c in found if not is_arm(c.mask, depths.depth[rest], c.points)]
+    found = [Seed.of(pictures, rest, piece == k) for k in large]
+    return [s for s in found if not is_arm(s.mask, depth, s.points)]
 
 
 def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -95,28 +102,15 @@ def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.asarray(torn & (depth > 0), np.uint8)
 
 
-def informative_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
-    """At most `count` rows with the first and the last: half of them evenly spread, half where much is new.
-
-    first, last: `novelty` (T, h, w) to the first and last row. Moving parts and hands are new to both.
-    """
-    rows = len(first)
+def informative_rows(origin: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
+    """At most `count` rows with the first and the last: half of them evenly spread, half where much is amid
+    its motion by `origin` (T, h, w), as parts and hands are."""
+    rows = len(origin)
     even = np.unique(np.linspace(0, rows - 1, min(count - count // 2, rows)).round().astype(np.int64))
     others = np.setdiff1d(np.arange(rows), even)
     if not len(others):
         return even
-    under_way = ((first == FRESH) & (last == FRESH)).mean(axis=(1, 2))[others] + 1e-6
+    under_way = (origin == AMID).mean(axis=(1, 2))[others] + 1e-6
     gone = np.cumsum(under_way) / under_way.sum()
     busy = np.searchsorted(gone, (np.arange(count // 2) + 0.5) / (count // 2))
     return np.unique(np.concatenate([even, others[np.minimum(busy, len(others) - 1)]]))
-
-
-def novelty(depths: Depths, rest: int) -> NDArray[np.uint8]:
-    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees
-    through, BARED where that row could not see: hidden, out of view or without depth."""
-    known = depths.depth > 0
-    out = np.zeros(depths.depth.shape, np.uint8)
-    for t in range(len(depths.frames)):
-        seen = depths.look(depths.points(t)[known[t]], rest, SIGMAS / 2.0, GAP_M / 2.0)
-        out[t][known[t]] = np.select([seen == SAME, seen == THROUGH], [OLD, FRESH], BARED)
-    return out
