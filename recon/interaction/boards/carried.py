@@ -99,12 +99,8 @@ class Carried:
                         best = trial
                 if best.worth == before:
                     break
-            best = max(
-                best,
-                self.explained(best.joint),
-                self.near(best.joint, best, share=fine),
-                key=lambda e: e.worth,
-            )
+            again = self.explained(best.joint) if fine == 1.0 else self.near(best.joint, best, share=fine)
+            best = max(best, again, key=lambda e: e.worth)
         return best
 
     def followed(self, best: Explained) -> Explained:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +46,10 @@ class Shared:
     rows: NDArray[np.int64]
     seconds: Array
     room: Array
+
+    def thinned(self, every: int) -> Shared:
+        """The same with each so manieth of its rows, the first and the last one."""
+        return replace(self, rows=np.unique(np.append(self.rows[::every], self.rows[-1])))
 
     def prior(self, axis: Array, normal: Array) -> float:
         """Weight, at most 1, of a joint with this axis for a board with this normal."""

@@ -15,8 +15,8 @@ from twin.geometry import Array
 
 # m from a plane within which points lie on the plane. Chosen by us.
 _ON_PLANE_M = 0.02
-# Tries of three points for a plane. Chosen by us.
-_TRIES = 200
+# Tries of three points for a plane, and points of which those on each are counted. Chosen by us.
+_TRIES, _COUNTED = 200, 500
 # How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so the
 # surface seen to leave ends before it, by that gap over the sine of the opening. Chosen by us.
 BEYOND_M = (0.0, 0.05, 0.1)
@@ -78,16 +78,17 @@ def along_room(joints: Sequence[Proposed], room: Array) -> list[Proposed]:
 def plane_of(points: Array) -> tuple[Array, Array]:
     """Unit normal (3,) of the plane of most points (RANSAC, Fischler and Bolles 1981), and those points."""
     rng = np.random.default_rng(0)
-    best = np.ones(len(points), dtype=bool)
-    fewest = 0
+    some = points[:: max(1, len(points) // _COUNTED)]
+    foot, normal, most = points[0], np.zeros(3), 0
     for _ in range(_TRIES):
         a, b, c = points[rng.choice(len(points), 3, replace=False)]
-        normal = np.cross(b - a, c - a)
-        length = float(np.linalg.norm(normal))
+        across = np.cross(b - a, c - a)
+        length = float(np.linalg.norm(across))
         if length < 1e-9:
             continue
-        on = np.abs((points - a) @ normal) < _ON_PLANE_M * length
-        if on.sum() > fewest:
-            best, fewest = on, int(on.sum())
+        count = int((np.abs((some - a) @ across) < _ON_PLANE_M * length).sum())
+        if count > most:
+            foot, normal, most = a, across / length, count
+    best = np.abs((points - foot) @ normal) < _ON_PLANE_M
     on = points[best]
     return np.asarray(np.linalg.svd(on - on.mean(axis=0), full_matrices=False)[2][2]), on

@@ -4,7 +4,7 @@ frames."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,8 @@ from twin.scene import Trajectory
 _ROWS = 40
 # Largest seeds whose own shapes propose joints.
 _FROM = 2
-# Points of a surface while all joints are compared.
-_FIRST_POINTS = 100
+# Points of a surface while all joints are compared, and each how manieth of those rows.
+_FIRST_POINTS, _FIRST_ROWS = 100, 3
 # Joints of each part that are searched around.
 _IMPROVED = 4
 # Two joints that differ by less start no two searches: rad, m.
@@ -154,7 +154,8 @@ class _Round:
     def best(self) -> tuple[Explained, Carried]:
         """The joint that explains most, and the board and further seeds that it carries."""
         tried = [(joint, board) for board, joints in self._hypotheses() for joint in joints]
-        few = {id(b): self._with(b, _FIRST_POINTS) for _, b in tried}
+        rough = replace(self, shared=self.shared.thinned(_FIRST_ROWS), _carriers={})
+        few = {id(b): rough._with(b, _FIRST_POINTS) for _, b in tried}
         first = list(each(lambda t: few[id(t[1])].explained(t[0]), tried))
         starts: list[int] = []
         for k in sorted(range(len(tried)), key=lambda k: -_worth(first[k])):
@@ -166,7 +167,9 @@ class _Round:
     def _competed(self, start: Explained, board: Seed) -> tuple[Explained, Carried]:
         """A joint searched around, with the extent of its board that explains most."""
         own = self._with(board)
-        best = own.improved(own.near(start.joint, own.following(start.joint, start.rows, start.state)))
+        rows = self.shared.rows
+        states = np.interp(rows, start.rows, start.state)
+        best = own.improved(own.near(start.joint, own.following(start.joint, rows, states)))
         same = next((es for es in self.grown.values() if any(e is board for e in es)), [])
         for other in same:
             its = self._with(other)
