@@ -5,6 +5,8 @@ How strong an edge ends a board is not known, so several extents are grown; they
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +39,9 @@ _LEFT, _STAYS = 0.5, 0.3
 _ALIKE = 0.06
 
 
-def extents(pictures: Pictures, recording: Recording, seed: Seed) -> list[Seed]:
-    """The seed itself, then the boards (some, growing) that it may be a strip of."""
+def extents(pictures: Pictures, recording: Recording, seed: Seed, others: Sequence[Seed] = ()) -> list[Seed]:
+    """The seed itself, the seed with the others of its rest that lie on its plane, since noise and arms cut
+    boards up, and the boards (some, growing) that it may be a strip of."""
     depth, points = pictures.depth[seed.rest], pictures.points(seed.rest)
     normal, on = plane_of(seed.points)
     off = (points - on.mean(axis=0)) @ normal
@@ -50,7 +53,8 @@ def extents(pictures: Pictures, recording: Recording, seed: Seed) -> list[Seed]:
     usual = max(_NOISE, float(np.median(edge[seed.mask])))
     within = flat & (edge < _EDGE * usual)
     stays = _stays(pictures, seed, flat | handle)
-    masks = [seed.mask]
+    pieces = [o.mask for o in others if o.rest == seed.rest and (o.mask & flat).sum() > _LEFT * o.mask.sum()]
+    masks = [seed.mask, np.logical_or.reduce([seed.mask, *pieces])][: 2 if pieces else 1]
     for level in _LEVELS:
         mask = _grown(seed.mask, flat & (edge < level * usual))
         mask = (mask & flat) | (_filled(mask) & handle) | seed.mask

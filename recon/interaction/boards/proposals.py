@@ -19,7 +19,7 @@ _ON_PLANE_M = 0.02
 _TRIES, _COUNTED = 200, 500
 # How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so the
 # surface seen to leave ends before it, by that gap over the sine of the opening. Chosen by us.
-BEYOND_M = (0.0, 0.05, 0.1)
+_BEYOND_M = (0.0, 0.05, 0.1)
 # Quantile of the points that is an edge, so that single points do not shift the edge. Chosen by us.
 _LENGTH = 0.98
 # Rad within which an axis may be a direction of the room. Chosen by us.
@@ -45,8 +45,8 @@ class Proposed:
         return out
 
 
-def proposed_joints(points: Array, beyond: Sequence[float] = BEYOND_M) -> list[Proposed]:
-    """Three slides of the rectangle about a surface's points (n, 3), and hinges up to m beyond its edges."""
+def proposed_joints(points: Array) -> list[Proposed]:
+    """Three slides of the rectangle about a surface's points (n, 3), and hinges at and beyond its edges."""
     normal, on = plane_of(points)
     basis = geo.orthogonal_basis(normal)[:, :2]
     flat = (on - on.mean(axis=0)) @ basis
@@ -59,7 +59,7 @@ def proposed_joints(points: Array, beyond: Sequence[float] = BEYOND_M) -> list[P
     out = [Proposed("prismatic", d, middle) for d in (normal, sides[:, 0], sides[:, 1])]
     for k in range(2):
         half = 0.5 * (high[k] - low[k])
-        for gap, sign in product(beyond, (-1.0, 1.0)):
+        for gap, sign in product(_BEYOND_M, (-1.0, 1.0)):
             edge = middle + sides[:, k] * sign * (half + gap)
             out.append(Proposed("revolute", sides[:, 1 - k], edge))
     return out

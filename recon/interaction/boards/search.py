@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recon.interaction.boards.board import extents
 from recon.interaction.boards.carried import Carried, Explained
 from recon.interaction.boards.carrier import POINTS, Carrier, Shared
-from recon.interaction.boards.proposals import BEYOND_M, Proposed, along_room, proposed_joints
+from recon.interaction.boards.proposals import Proposed, along_room, proposed_joints
 from recon.interaction.boards.seeds import Seed, informative_rows, seeds
 from recon.interaction.joints.observations import Model
 from recon.interaction.joints.sign_and_limits import Oriented, orient, smoothed
@@ -37,8 +37,6 @@ _IMPROVED = 4
 _ALIKE_AXIS, _ALIKE_M = np.radians(4.0), 0.04
 # Rounds of the search after the extent was chosen.
 _LAST_ROUNDS = 3
-# How far beyond a board's edge its hinge may lie, m: boards are grown to their edges.
-_BEYOND_BOARD = (0.0, 0.04)
 # Least gain of the leading surface over leaving to somewhere unknown, as a share of its pixels.
 LEAST = 0.015
 # The same of a further surface of the part.
@@ -114,7 +112,7 @@ def parts_by_depth(
     left = [s for rest in (0, len(pictures.frames) - 1) for s in seeds(pictures, rest)]
     grown = {}
     for k, seed in enumerate(left):
-        boards = extents(pictures, recording, seed)
+        boards = extents(pictures, recording, seed, [o for o in left if o is not seed])
         left[k], grown[id(boards[0])] = boards[0], boards
     found: list[DepthPart] = []
     while left:
@@ -183,17 +181,11 @@ class _Round:
         return own.improved(best, _LAST_ROUNDS), own
 
     def _hypotheses(self) -> Iterator[tuple[Seed, list[Proposed]]]:
-        """Boards, and joints for each: of the largest seeds in all extents, and of all that changed at one
-        end, since noise cuts doors up."""
+        """Boards, and joints for each: the largest seeds in all extents."""
         for seed in self.left[:_FROM]:
-            for k, board in enumerate(self.grown[id(seed)]):
-                joints = proposed_joints(board.points, BEYOND_M if k == 0 else _BEYOND_BOARD)
+            for board in self.grown[id(seed)]:
+                joints = proposed_joints(board.points)
                 yield board, [*joints, *along_room(joints, self.shared.room), *self.known]
-        for rest in sorted({s.rest for s in self.left}):
-            pieces = [s for s in self.left if s.rest == rest]
-            if len(pieces) > 1:
-                joints = proposed_joints(np.concatenate([p.points for p in pieces]))
-                yield pieces[0], [*joints, *along_room(joints, self.shared.room)]
 
     def _with(self, board: Seed, most: int = POINTS) -> Carried:
         """A board, and the seeds that do not lie on it."""
