@@ -19,7 +19,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
 
-GRAVITY = Stage("gravity", 2, ())
+GRAVITY = Stage("gravity", 3, ())
 # Planes so near to a direction that the user calls up refine it: it is meant as it is said, give or take what
 # a person sees. Chosen by us.
 _NEAR_DIRECTION = float(np.radians(10.0))

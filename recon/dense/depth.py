@@ -22,6 +22,9 @@ DEPTH_SIGMA_SLOPE = 0.003
 NEAR_M = 0.4
 # m, chosen by us: what drift of the cameras leaves between what two frames saw of one surface
 _MARGIN = 0.03
+# Shares of a cell's pixels: almost all, and what a mean needs where they lie on one surface. Chosen by us
+_ALL, _SPOTS = 0.9, 0.2
+_CELL = np.ones((3, 3), np.uint8)
 MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their depth lie on two surfaces
 
 
@@ -42,10 +45,16 @@ def pixel_sigma(z: float, noise: F32) -> Any:
 
 
 def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Area mean (h, w) of depth over cells almost all known, else 0; `size` is (width, height)."""
+    """Area mean (h, w) of depth over cells almost all known, or in part on one surface, else 0.
+
+    A dark front returns depth in spots: there a cell has the mean of what is known. size: width, height.
+    """
     known = cv2.resize((depth > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     total = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.where(known > 0.9, total / np.maximum(known, 1e-6), 0.0).astype(np.float32)
+    near = cv2.erode(np.where(depth > 0, depth, np.float32(np.inf)), _CELL)
+    one = (cv2.dilate(depth, _CELL) - near < 2.0 * MAX_STEP * near).astype(np.float32)
+    spotted = (known > _SPOTS) & (cv2.resize(one, size, interpolation=cv2.INTER_AREA) > _ALL)
+    return np.where((known > _ALL) | spotted, total / np.maximum(known, 1e-6), 0.0).astype(np.float32)
 
 
 def in_mid_air(depth: F32, sigma: Array, step: float) -> NDArray[np.bool_]:

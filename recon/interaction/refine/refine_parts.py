@@ -51,8 +51,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 20, ("labels",))
-POLISH = Stage("polish", 13, ())
+REFINE = Stage("refine", 21, ("labels",))
+POLISH = Stage("polish", 14, ())
 _DRIFT = Drift()
 _LEAP = 0.05  # of the range; smooth motion stays within .03 of its median at a turning point
 _FIRST_GRID = 2 / 3  # of the final labels' working width

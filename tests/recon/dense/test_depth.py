@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.dense.depth import depth_normals, look_up
+from recon.dense.depth import depth_normals, look_up, mean_depth
 from recon.recording import Intrinsics
 from twin.geometry import Array
 
@@ -111,3 +111,17 @@ def test_normals_are_those_of_the_planes_and_none_stands_at_holes_creases_and_fa
     nearer = np.isfinite(depth_normals(depth, CAMERA, 1.9)).all(axis=-1)
     assert nearer.any()
     assert not nearer[depth >= 1.9].any()
+
+
+def test_a_surface_seen_in_spots_has_a_mean_depth_and_the_rim_of_a_hole_has_none() -> None:
+    """A plane that returns depth in 55 % of its pixels, and one that ends before another at a jump."""
+    plane = plane_depth(CAMERA, np.array([0.3, -0.2, 0.93]), 1.2).astype(np.float32)
+    spots = np.where(np.random.default_rng(0).random(plane.shape) < 0.55, plane, 0.0).astype(np.float32)
+    size = CAMERA.width // 2, CAMERA.height // 2
+    whole, told = mean_depth(plane, size), mean_depth(spots, size)
+    assert (told > 0).mean() > 0.85
+    assert np.abs(told - whole)[told > 0].max() < 0.01
+    jump = np.full(plane.shape, 1.0, np.float32)
+    jump[:, 40:] = 1.5
+    jump[1::2, 39:42] = 0.0  # cells of the jump are known by half
+    assert (mean_depth(jump, size)[:, 19:21] == 0).all()
