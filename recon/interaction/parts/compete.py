@@ -42,7 +42,7 @@ class Witnessed:
 
     by_tracks: the tracks' part whose joint explains as much, or None. as_well: what it explains by the states
     that it is given, over what depth's does. mended: states (n,) for that part's frames where depth's explain
-    more than its own, else None.
+    more than its own, else None. strength: what depth's joint explains, as a share of the board's pixels.
     """
 
     joint: Joint
@@ -50,6 +50,7 @@ class Witnessed:
     followers: NDArray[np.bool_]
     by_tracks: int | None
     as_well: float = 1.0
+    strength: float = 1.0
     mended: Array | None = None
 
 
@@ -80,6 +81,7 @@ def _told(
         state,
         followers(oriented.joint, cameras.frames, state, movers),
         None,
+        strength=part.score / part.carried.carriers[0].area,
     )
     explained = [part.by(joint) for joint in known]
     best = max(range(len(known)), key=lambda k: explained[k][1], default=None)

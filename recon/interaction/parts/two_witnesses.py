@@ -26,6 +26,9 @@ from twin.scene import FIRST_PART_ID, Motion, Trajectory
 _MANY = 120
 # Sigma (rad) of their axis.
 _FIRM = np.radians(0.5)
+# Share of a board's pixels that its joint explains, from which depth contradicts such tracks: a flap whose
+# tracks had an axis 6 deg off and sure to .3 had .5, a lid seen edge-on has .04. Chosen by us.
+_STRONG = 0.1
 # Least share of the moved part's way that a hand goes meanwhile. Chosen by us.
 _CARRIED = 0.5
 
@@ -43,14 +46,14 @@ def reconciled_parts(
     own, with the states that explain more: tracks that slip along a part or lie on the hand know its joint
     but not its way. If depth finds a part,
     track-only parts that depth does not confirm are dropped with a warning: corners that drift along edges
-    follow some joint as well. Many tracks with a sure axis need no confirmation: a part that depth finds
-    moving meanwhile is the same part, badly seen.
+    follow some joint as well. Many tracks with a sure axis need no confirmation: a part that depth hardly
+    sees moving meanwhile is the same part.
     """
     seen = witnessed(recording, cameras, movers, [f.part for f in found])
     if not seen:
         return tuple(found)
     left = [f for k, f in enumerate(found) if all(w.by_tracks != k for w in seen)]
-    firm = [f for f in left if _firm(f)]
+    firm = [f for f in left if _firm(f) and not any(_strong(w) and _meanwhile(w, f, cameras) for w in seen)]
     parts: list[PartTracks] = []
     taken: set[int | None] = set()
     for w in seen[:most]:
@@ -61,7 +64,7 @@ def reconciled_parts(
             parts.append(_mended(w, found[w.by_tracks], movers))
         taken.add(w.by_tracks)
     for f in left:
-        if not _firm(f):
+        if not any(f is kept for kept in firm):
             _warn(f)
     parts = [*parts, *firm][:most]
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
@@ -71,6 +74,11 @@ def _firm(f: PartTracks) -> bool:
     """Whether the tracks' joint needs no second witness."""
     sigma = f.part.joint.sigma
     return sigma is not None and sigma.axis <= _FIRM and int(f.members.sum()) >= _MANY
+
+
+def _strong(w: Witnessed) -> bool:
+    """Whether depth sees enough of a part to contradict tracks, however many."""
+    return w.strength >= _STRONG
 
 
 def _meanwhile(w: Witnessed, f: PartTracks, cameras: Trajectory) -> bool:

@@ -13,7 +13,7 @@ import pytest
 from recon.interaction.boards.proposals import Proposed
 from recon.interaction.boards.search import DepthPart
 from recon.interaction.motion.movers import Movers
-from recon.interaction.parts import compete
+from recon.interaction.parts import compete, two_witnesses
 from recon.interaction.parts.compete import Witnessed, witnessed
 from recon.interaction.parts.found import PartTracks
 from recon.interaction.parts.moving_part import MovingPart
@@ -97,19 +97,29 @@ def firmly(part: MovingPart, tracks: int, degrees: float) -> PartTracks:
     return PartTracks(replace(part, joint=joint), np.ones(tracks, bool), "motion")
 
 
-def test_many_tracks_that_know_their_axis_need_no_other_witness() -> None:
-    """Depth has a door that hardly opens turn about another line; what moves at another time is another
-    part."""
+def test_many_tracks_that_know_their_axis_need_no_other_witness(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where depth hardly sees a door turn about another line; where it sees that well, tracks give way. What
+    moves at another time is another part."""
     clip = make_clip("door")
     hinge = cast("Revolute", clip.part.joint)
     elsewhere = replace(clip.part, joint=replace(hinge, pivot=hinge.pivot + [0.4, 0.3, 0.0]))
 
-    def told(part: MovingPart, tracks: int, degrees: float) -> tuple[PartTracks, ...]:
+    def told(part: MovingPart, tracks: int, degrees: float, strength: float = 1.0) -> tuple[PartTracks, ...]:
         firm = [firmly(part, tracks, degrees)]
+        seen = [
+            replace(w, strength=strength)
+            for w in witnessed(clip.recording, clip.cameras, movers(tracks), [part])
+        ]
+        monkeypatch.setattr(two_witnesses, "witnessed", lambda *_: seen)
         return reconciled_parts(firm, clip.recording, clip.cameras, movers(tracks), 8)
 
-    for tracks, degrees, kept in ((200, 0.2, True), (50, 0.2, False), (200, 2.0, False)):
-        (part,) = told(elsewhere, tracks, degrees)
+    for tracks, degrees, strength, kept in (
+        (200, 0.2, 0.05, True),
+        (50, 0.2, 0.05, False),
+        (200, 2.0, 0.05, False),
+        (200, 0.2, 0.5, False),
+    ):
+        (part,) = told(elsewhere, tracks, degrees, strength)
         assert (part.type_source == "motion") == kept
     motion = elsewhere.motion
     later = replace(elsewhere, motion=replace(motion, state=np.interp(np.arange(26), [23, 25], [0.0, 1.0])))
