@@ -26,7 +26,7 @@ _AS_WELL = 0.87
 # States of tracks stay unless depth's explain more by this ratio, or explain as much and the tracks' go so
 # many times as far: they ran on while the part was out of view (.85 to 1.05 in 15 right open recordings, 1.75
 # if wrong). Chosen by us.
-_MORE, _FARTHER = 1.05, 1.4
+_MORE, _FARTHER = 1.03, 1.4
 # Standard deviations of depth's states by which those of tracks leave them where the tracks slip, and share
 # of the moving frames up to which the others stay. Chosen by us.
 _SLIPS, _MOSTLY = 3.0, 0.5
