@@ -19,17 +19,17 @@ from recon.observation.pictures import Pictures
 from twin.geometry import Array
 
 # All chosen by us. Least gap in standard deviations of noise.
-SIGMAS = 5.0
+_SIGMAS = 5.0
 # Least gap, m.
-GAP_M = 0.02
+_GAP_M = 0.02
 # A surface that left is gone in at least so many spans of rows: single rows are noise.
 _SPANS = 2
 # Rows of such a span.
 _LONG = 3
 # Least share of the picture that a part's surface has.
-SHARE = 0.004
+_SHARE = 0.004
 # Most surfaces of each end of the recording.
-MOST = 4
+_MOST = 4
 # px of the window about a pixel of unknown depth, most of whose known pixels left.
 _AMONG = 5
 # Least jump of depth (m) per pixel where a surface ends before another one.
@@ -65,7 +65,9 @@ def seeds(pictures: Pictures, rest: int) -> list[Seed]:
     depth = pictures.depth[rest]
     known = depth > 0
     points = pictures.points(rest)[known]
-    gone = np.stack([pictures.look(points, t, SIGMAS, GAP_M) == THROUGH for t in range(len(pictures.frames))])
+    gone = np.stack(
+        [pictures.look(points, t, _SIGMAS, _GAP_M) == THROUGH for t in range(len(pictures.frames))]
+    )
     spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
     left = np.zeros(known.shape, np.uint8)
     left[known] = spans >= _SPANS
@@ -73,7 +75,7 @@ def seeds(pictures: Pictures, rest: int) -> list[Seed]:
     opened = cv2.morphologyEx(solid, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     piece = np.where(left > 0, cv2.connectedComponents(opened, connectivity=4)[1], 0)
     area = np.bincount(piece.ravel())[1:]
-    large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
+    large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:_MOST] if area[k] >= _SHARE * left.size]
     found = [Seed.of(pictures, rest, piece == k) for k in large]
     return [s for s in found if not is_arm(s.mask, depth, s.points)]
 

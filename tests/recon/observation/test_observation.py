@@ -130,6 +130,21 @@ def test_evidence_is_counted_in_pixels_of_the_picture() -> None:
     assert board.scores(shift(0.2), np.array([9]))[0, 0] == pytest.approx(0.0, abs=0.05 * board.area)
 
 
+@pytest.mark.parametrize(
+    ("origin", "share"), [(where.NEW, 1.0), (where.AMID, 1.0), (where.UNKNOWN, 0.25), (where.STATIC, 0.0)]
+)
+def test_what_a_pixel_explains_follows_from_its_origin(origin: int, share: float) -> None:
+    """And from its colour: an unlike one is half as likely where something moves, and tells nothing else."""
+    seen = pictures([with_board(1.2)] * 7 + [with_board(0.6)] * 6 + [with_board(1.2)] * 7)
+    board, row = carrier(seen, 0), np.array([9])
+    board.shared.origin[:] = origin
+    told = board.scores(shift(-0.6), row)[0, 0]
+    assert told == pytest.approx(share * (seen.depth[9] < BACK).sum(), rel=0.1)
+    seen.colour[9, ..., 1] = 255
+    unlike = board.scores(shift(-0.6), row)[0, 0]
+    assert unlike == pytest.approx(0.5 * told if share == 1.0 else 0.0, abs=0.05 * board.area)
+
+
 def test_a_surface_that_is_still_where_it_rested_did_not_leave() -> None:
     seen = pictures([with_board(1.2)] * ROWS)
     board = carrier(seen, 0)
