@@ -60,28 +60,22 @@ def count(points, poses, depth, fx, fy, cx, cy, gate):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def inside(depth, labels, wanted, every, T_box_cam, camera, low, high):  # type: ignore[no-untyped-def]
-    """Rows, columns (n,) and points (n, 3) of a depth image's pixels, each `every`th of both, that lie in a
-    box from low to high (3,), in the box's frame. labels (h, w): of the pixels, of which those with
-    wanted[label] (256,) are asked. camera: fx, fy, cx, cy."""
-    h, w = depth.shape
+def drawn(points, side, T_cam_world, shape, every, camera):  # type: ignore[no-untyped-def]
+    """Depth (h, w) m of the nearest of cells with centres (n, 3) and a side in m, at each `every`th pixel of
+    a picture of this shape; infinite where there is none. camera: fx, fy, cx, cy."""
+    h, w = (shape[0] + every - 1) // every, (shape[1] + every - 1) // every
     fx, fy, cx, cy = camera
-    most = ((h + every - 1) // every) * ((w + every - 1) // every)
-    rows, columns = np.empty(most, np.int64), np.empty(most, np.int64)
-    points, n = np.empty((most, 3), np.float32), 0
-    p = np.empty(3)
-    for v in range(0, h, every):
-        for u in range(0, w, every):
-            z = depth[v, u]
-            if z <= 0.0 or not wanted[labels[v, u]]:
-                continue
-            x, y = (u - cx) / fx * z, (v - cy) / fy * z
-            for k in range(3):
-                p[k] = T_box_cam[k, 0] * x + T_box_cam[k, 1] * y + T_box_cam[k, 2] * z + T_box_cam[k, 3]
-                if p[k] <= low[k] or p[k] >= high[k]:
-                    break
-            else:
-                rows[n], columns[n] = v, u
-                points[n] = p
-                n += 1
-    return rows[:n], columns[:n], points[:n]
+    out = np.full((h, w), np.float32(np.inf))
+    for i in range(len(points)):
+        x, y, z = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
+        for k in range(3):
+            x += T_cam_world[0, k] * points[i, k]
+            y += T_cam_world[1, k] * points[i, k]
+            z += T_cam_world[2, k] * points[i, k]
+        if z < 0.1:
+            continue
+        u, v, half = x / z * fx + cx, y / z * fy + cy, 0.5 * side / z * max(fx, fy)
+        for b in range(max(int(np.ceil((v - half) / every)), 0), min(int((v + half) / every) + 1, h)):
+            for a in range(max(int(np.ceil((u - half) / every)), 0), min(int((u + half) / every) + 1, w)):
+                out[b, a] = min(out[b, a], z)
+    return out

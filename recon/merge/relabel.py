@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,18 +12,19 @@ from recon.dense import looks
 from recon.interaction.interaction import Interaction
 from recon.interaction.parts.moving_part import MovingPart
 from recon.merge.merge import Merged
+from recon.merge.same_part import CELL_M
 from recon.recording import Recording
 from recon.windows.windows import Window
 from twin import geometry as geo
-from twin.geometry import Array
 from twin.runs.threads import each
 from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Trajectory
-from twin.voxels import NEIGHBOURS, voxel_keys
 
-# m; cell within which a pixel lies on a part's surface: a door's thickness and the drift of the cameras.
-_CELL_M = 0.025
+# m by which a pixel may lie before or behind the part's surface: drift of the cameras, and a handle.
+_GATE_M = 0.04
 # Labelled pixels are looked at in blocks of so many on each side.
 _EVERY = 2
+# Gaps between cells that are closed, in such blocks.
+_BLOCK = np.ones((3, 3), np.uint8)
 # s between frames outside of all windows that show the static scene.
 _CONTEXT_S = 1.0
 
@@ -47,7 +49,6 @@ def all_labels(
     static = np.full(shape, STATIC_LABEL, np.uint8)
     for frame in _between(recording, cameras, [i.window for i in interactions]):
         told[frame] = (static, -1)
-    cells = [_cells(points) for points in merged.surfaces]
     frames = sorted(told)
 
     def label(frame: int) -> NDArray[np.uint8]:
@@ -55,7 +56,7 @@ def all_labels(
         standing = [
             k for k, shares in enumerate(merged.shares) if all(s.interaction != number for s in shares)
         ]
-        return _with_standing(image, frame, recording, cameras, merged, {k: cells[k] for k in standing})
+        return _with_standing(image, frame, recording, cameras, merged, standing)
 
     return dict(zip(frames, each(label, frames), strict=True))
 
@@ -72,38 +73,32 @@ def _between(recording: Recording, cameras: Trajectory, windows: Sequence[Window
     return out
 
 
-def _cells(points: Array) -> NDArray[np.int64]:
-    """Keys of the cells of points (n, 3) and of their neighbours, sorted."""
-    keys = np.unique(voxel_keys(points.astype(np.float32), _CELL_M))
-    return np.unique(keys[:, None] + NEIGHBOURS) if len(keys) else keys
-
-
 def _with_standing(
     image: NDArray[np.uint8],
     frame: int,
     recording: Recording,
     cameras: Trajectory,
     merged: Merged,
-    cells: Mapping[int, NDArray[np.int64]],
+    standing: Sequence[int],
 ) -> NDArray[np.uint8]:
-    """A label image with the parts that stand around. cells: of their surfaces, by their place."""
+    """A label image with the parts that stand around, by their places."""
     T_world_cam = cameras.pose(frame)
-    depth = np.ascontiguousarray(recording.depth(frame), np.float32)
+    depth = np.asarray(recording.depth(frame), np.float32)
     out = np.where(depth > 0, image, image if image.min() != image.max() else UNKNOWN_LABEL).astype(np.uint8)
-    if T_world_cam is None or not cells:
+    if T_world_cam is None:
         return out
-    c, block = recording.intrinsics, np.zeros(out[::_EVERY, ::_EVERY].shape, np.uint8)
-    below = {k: _below(merged.parts[k]) for k in cells}
-    for k in sorted(cells, key=lambda k: len(below[k])):  # what is carried lies on its carrier
-        keys, pose = cells[k], merged.parts[k].pose(frame)
-        if pose is None or not len(keys):
+    c, seen = recording.intrinsics, depth[::_EVERY, ::_EVERY]
+    block = np.zeros(seen.shape, np.uint8)
+    below = {k: _below(merged.parts[k]) for k in standing}
+    for k in sorted(standing, key=lambda k: len(below[k])):  # what is carried lies on its carrier
+        part, surface = merged.parts[k], merged.surfaces[k]
+        pose = part.pose(frame)
+        if pose is None or not len(surface):
             continue
-        low, high = merged.surfaces[k].min(axis=0) - _CELL_M, merged.surfaces[k].max(axis=0) + _CELL_M
-        T = geo.invert_pose(pose) @ T_world_cam
-        wanted = np.isin(np.arange(256), below[k])
-        y, x, there = looks.inside(depth, out, wanted, _EVERY, T, (c.fx, c.fy, c.cx, c.cy), low, high)
-        on = np.isin(voxel_keys(there, _CELL_M), keys)
-        block[y[on] // _EVERY, x[on] // _EVERY] = merged.parts[k].id
+        T = geo.invert_pose(T_world_cam) @ pose
+        z = looks.drawn(surface, CELL_M, T, out.shape, _EVERY, (c.fx, c.fy, c.cx, c.cy))
+        there = ((seen > 0) & (np.abs(seen - z) < _GATE_M)).astype(np.uint8)
+        block[cv2.morphologyEx(there, cv2.MORPH_CLOSE, _BLOCK).astype(bool)] = part.id
     large = np.repeat(np.repeat(block, _EVERY, axis=0), _EVERY, axis=1)[: out.shape[0], : out.shape[1]]
     for k, ids in below.items():
         out[(large == merged.parts[k].id) & np.isin(out, ids)] = merged.parts[k].id

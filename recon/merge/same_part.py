@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from recon.dense import looks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
+from recon.recording.intrinsics import Intrinsics
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import Joint
 from twin.runs.threads import each
-from twin.scene import Revolute, Trajectory
+from twin.scene import HAND_LABEL, UNKNOWN_LABEL, Revolute, Trajectory
 from twin.voxels import voxel_centres, voxel_keys
 
 # rad and m by which the joints of one part may differ in two interactions: five times what is found of right
@@ -25,7 +27,7 @@ _AXIS = float(np.radians(10.0))
 _PIVOT_M = 0.06
 # m; side of the cells of a part's surface, and how far apart surfaces of one part may lie: drift of the
 # cameras over a walk.
-_CELL_M = 0.015
+CELL_M = 0.015
 _NEAR_M = 0.03
 # Share of the smaller surface that lies on the other one, for both to be one part's.
 OVERLAP = 0.6
@@ -36,8 +38,10 @@ _ALIKE = 0.95
 # Steps of the states that are tried, rad and m.
 STEP = {"revolute": float(np.radians(2.0)), "prismatic": 0.01}
 # Frames whose pixels make a part's surface, and labelled pixels left out between two.
-_FRAMES = 12
+_FRAMES = 16
 _EVERY = 3
+# m by which depth may differ from a cell's middle that a frame shows. Chosen by us.
+_VOTE_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,22 +88,54 @@ class Match:
 def surface_of(
     part: MovingPart, recording: Recording, cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]]
 ) -> Surface:
-    """The surface that the labels of an interaction show of a part."""
+    """The surface that the labels of an interaction show of a part.
+
+    A cell is of it that more frames show there, labelled as it, than show it labelled otherwise or see
+    through it. One frame's word counts where no other tells.
+    """
     shown = [f for f in sorted(labels) if part.state(f) is not None and bool((labels[f] == part.id).any())]
     picked = np.unique(np.linspace(0, len(shown) - 1, min(_FRAMES, len(shown))).round().astype(int))
-    clouds = [np.zeros((0, 3))]
-    for frame in (shown[k] for k in picked):
-        depth = recording.depth(frame)[::_EVERY, ::_EVERY]
-        y, x = np.nonzero((labels[frame][::_EVERY, ::_EVERY] == part.id) & (depth > 0))
+    views = [
+        _View(recording.depth(f), labels[f], geo.invert_pose(T) @ pose)
+        for f in (shown[k] for k in picked)
+        if (pose := part.pose(f)) is not None and (T := cameras.pose(f)) is not None
+    ]
+    camera = recording.intrinsics
+    clouds = [v.points(camera, part.id) for v in views]
+    keys = np.unique(voxel_keys(np.concatenate([np.zeros((0, 3)), *clouds]).astype(np.float32), CELL_M))
+    cells = np.asarray(voxel_centres(keys, CELL_M), float)
+    votes = sum((v.votes(cells, camera, part.id) for v in views), np.zeros(len(cells), np.int64))
+    return Surface(cells[votes > 0])
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """Depth (H, W) m and labels (H, W) of a frame, and the pose (4, 4) of a part at state 0 in its camera."""
+
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    T_cam_part: Array
+
+    def points(self, camera: Intrinsics, part: int) -> Array:
+        """Points (n, 3) of the pixels that are labelled as the part, at its state 0."""
+        depth = self.depth[::_EVERY, ::_EVERY]
+        y, x = np.nonzero((self.labels[::_EVERY, ::_EVERY] == part) & (depth > 0))
         pixels = _EVERY * np.stack([x, y], axis=-1).astype(float)
-        points = recording.intrinsics.backproject(pixels, depth[y, x].astype(float))
-        pose, camera = part.pose(frame), cameras.pose(frame)
-        if pose is not None and camera is not None:
-            clouds.append(geo.transform(geo.invert_pose(pose) @ camera, points))
-    keys, count = np.unique(
-        voxel_keys(np.concatenate(clouds).astype(np.float32), _CELL_M), return_counts=True
-    )
-    return Surface(np.asarray(voxel_centres(keys[count > 1], _CELL_M), float))
+        points = camera.backproject(pixels, depth[y, x].astype(float))
+        return geo.transform(geo.invert_pose(self.T_cam_part), points)
+
+    def votes(self, cells: Array, camera: Intrinsics, part: int) -> NDArray[np.int64]:
+        """For each of cells (n, 3) 1 where it is seen and labelled as the part, -1 where it is labelled
+        otherwise or seen through, 0 where nothing tells."""
+        depth = np.ascontiguousarray(self.depth, np.float32)
+        lens = camera.fx, camera.fy, camera.cx, camera.cy
+        seen = looks.look(cells, self.T_cam_part, depth, *lens, _VOTE_M, 0.0)
+        ahead = geo.transform(self.T_cam_part, cells)
+        at = np.rint(camera.project(ahead)).astype(int) if len(cells) else np.zeros((0, 2), int)
+        x, y = np.clip(at[:, 0], 0, camera.width - 1), np.clip(at[:, 1], 0, camera.height - 1)
+        label = self.labels[y, x]
+        told = np.where(label == part, 1, np.where(np.isin(label, (UNKNOWN_LABEL, HAND_LABEL)), 0, -1))
+        return np.where(seen == looks.SAME, told, np.where(seen == looks.THROUGH, -1, 0))
 
 
 def match(known: Joint, surface: Surface, left: float, other: Joint, its: Surface) -> Match | None:
