@@ -137,7 +137,12 @@ def manhattan_axes(normals: Array) -> Array:
 
 
 def surface_normals(recording: Recording, cameras: Trajectory) -> Array:
-    """Surface normals (n, 3) in the start world, from depth smoothed to the working width."""
+    """Surface normals (n, 3) in the world of the cameras, from depth smoothed to the working width."""
+    return np.concatenate(normals_of_frames(recording, cameras))
+
+
+def normals_of_frames(recording: Recording, cameras: Trajectory) -> list[Array]:
+    """The same by frame, of some in their order."""
     scale = _WIDTH / recording.intrinsics.width
     size = (_WIDTH, max(1, round(recording.intrinsics.height * scale)))
     camera = recording.intrinsics.scaled(*size)
@@ -147,4 +152,4 @@ def surface_normals(recording: Recording, cameras: Trajectory) -> Array:
         depth = recording.depth(int(cameras.frames[k]))
         normals = depth_normals(mean_depth(depth, size), camera, _MAX_DEPTH)
         out.append(normals[np.isfinite(normals).all(axis=-1)] @ cameras.T_world_cam[k, :3, :3].T)
-    return np.concatenate(out)
+    return out

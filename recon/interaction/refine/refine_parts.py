@@ -41,18 +41,19 @@ from recon.interaction.refine.observations import (
     surfel_terms,
     track_terms,
 )
-from recon.interaction.refine.settling import settle
+from recon.interaction.refine.settling import Settled, settle
 from recon.interaction.refine.solver import step
 from recon.interaction.refine.terms import Terms, join
-from recon.interaction.refine.uncertainty import Refined, with_uncertainty
+from recon.interaction.refine.uncertainty import with_uncertainty
+from recon.observation.room import Room
 from recon.recording import Recording
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 21, ("labels",))
-POLISH = Stage("polish", 14, ())
+REFINE = Stage("refine", 22, ("labels",))
+POLISH = Stage("polish", 15, ())
 _DRIFT = Drift()
 _LEAP = 0.05  # of the range; smooth motion stays within .03 of its median at a turning point
 _FIRST_GRID = 2 / 3  # of the final labels' working width
@@ -112,11 +113,21 @@ def refine_parts(
     """
     if not found.parts:
         return ()
-    views = load_views(recording, cameras)
+    views, room = load_views(recording, cameras), Room.of(recording, cameras)
     out = []
     for tracks in found.parts:
-        fit = _refine_one(
-            views, labels, tracks, found.movers, recording.intrinsics.fx, noise, gates, drift, voxel
+        end, rests = _refine_one(
+            views, labels, tracks, found.movers, recording.intrinsics.fx, noise, gates, voxel
+        )
+        fit = with_uncertainty(
+            end.joint,
+            end.state,
+            tracks.part.motion.state,
+            rests,
+            end.terms,
+            end.left,
+            drift.at_least(noise.drift),
+            room,
         )
         spans = state_intervals(tracks.part.motion.frames, fit.state, fit.jitter)
         joint = replace(fit.joint, covariance=fit.covariance, sigma=fit.sigma)
@@ -138,10 +149,10 @@ def _refine_one(
     focal: float,
     noise: DepthNoise,
     gates: Sequence[float],
-    drift: Drift,
     voxel: float,
-) -> Refined:
-    """Alternate association and Gauss-Newton until the joint settles; `focal` is the recording's, px."""
+) -> tuple[Settled, NDArray[np.bool_]]:
+    """Alternate association and Gauss-Newton until the joint settles, and the frames (n,) of rest; `focal` is
+    the recording's, px."""
     part = tracks.part
     rows = np.array([views.row[int(f)] for f in part.motion.frames])
     state = without_leaps(part.motion.state)
@@ -174,10 +185,7 @@ def _refine_one(
     *wider, last = gates
     for gate in wider:
         joint, state, _ = one_round(gate, joint, state)
-    end = settle(partial(one_round, last), joint, state)
-    return with_uncertainty(
-        end.joint, end.state, part.motion.state, rests, end.terms, end.left, drift.at_least(noise.drift)
-    )
+    return settle(partial(one_round, last), joint, state), rests
 
 
 def without_leaps(state: Array) -> Array:

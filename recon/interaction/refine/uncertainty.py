@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.interaction.refine.level import with_room_known
 from recon.interaction.refine.observations import Drift
 from recon.interaction.refine.solver import add_priors, reduced, robust_weights
 from recon.interaction.refine.terms import Terms, linearise
 from recon.interaction.refine.ties import with_board_known
+from recon.observation.room import Room
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import Joint, JointSigma, Revolute
@@ -43,6 +45,7 @@ def with_uncertainty(
     terms: Terms,
     left: Array,
     drift: Drift,
+    room: Room | None = None,
 ) -> Refined:
     """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
 
@@ -50,7 +53,8 @@ def with_uncertainty(
     pixels of a few neighbouring frames counts once, not once a pixel. Errors that grow over the whole
     recording leave no residual; they are added as `_drift`, those that a span alone may fit as `_of_spans`,
     and what the joint has `left` to go (`refine.settling`) as an error of that size. What is known of a
-    board moves joint and states where these are unsure (`refine.ties`).
+    board moves joint and states where these are unsure (`refine.ties`), and so do directions of the `room`
+    (`refine.level`).
     """
     if not len(terms.term):
         covariance = np.diag(_UNKNOWN[: joint.dof] ** 2)
@@ -76,6 +80,8 @@ def with_uncertainty(
     spans = _of_spans(joint, state, terms, weight, value - mean[terms.term], jac, blocks) @ inverse
     whole = pushed.T @ pushed + slow.T @ slow + spans.T @ spans + inverse
     joint, state, whole = with_board_known(joint, state, whole, terms)
+    if room is not None:
+        joint, state, whole = with_room_known(joint, state, whole, room)
     state = state - state[0]  # counted from the first frame, whose pose is the part's frame
     covariance = whole[: joint.dof, : joint.dof] + np.outer(left, left)
     residual = np.abs(value - mean[terms.term])
