@@ -19,7 +19,7 @@ from twin.runs.keys import Stage
 from twin.runs.progress import shows_bar
 from twin.runs.threads import each
 
-INSPECTION = Stage("inspect", 1, ())
+INSPECTION = Stage("inspect", 2, ())
 
 Check = Callable[[], list[Cause | Unknown]]
 

@@ -68,7 +68,7 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
     least = _SHIFT * small.width / 640
     if not np.isfinite(where.shift).any():
         known = np.median([x.known for s in stretches for x in s.facts])
-        if where.edges >= _LEAST_EDGES * len(table.score) and known >= _KNOWN:
+        if where.nowhere and where.edges >= _LEAST_EDGES * len(table.score) and known >= _KNOWN:
             return [finding("NoCommonEdges", where.edges, REACH * full)]
         return [Unknown("registration", "depth shows too few edges, or too many holes")]
     # edges of colour lie to the left of those of depth when depth lies too far right

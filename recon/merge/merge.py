@@ -19,7 +19,7 @@ from twin.joint import Joint, JointSigma, turned_covariance
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MERGE = Stage("merge", 6, ())
+MERGE = Stage("merge", 7, ())
 
 
 @dataclass(frozen=True)

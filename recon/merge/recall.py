@@ -30,7 +30,7 @@ from twin.runs.keys import Stage
 from twin.runs.threads import each
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-RECALL = Stage("recall", 2, ())
+RECALL = Stage("recall", 3, ())
 
 # Frames from one that is asked to the next, and what a step of the state costs, in shares of the surface.
 # Chosen by us.

@@ -97,14 +97,24 @@ def _with_standing(
             continue
         T = geo.invert_pose(T_world_cam) @ pose
         z = looks.drawn(surface, CELL_M, T, out.shape, _EVERY, (c.fx, c.fy, c.cx, c.cy))
-        there = ((seen > 0) & (np.abs(seen - z) < _GATE_M)).astype(np.uint8)
-        block[cv2.morphologyEx(there, cv2.MORPH_CLOSE, _BLOCK).astype(bool)] = part.id
+        block[_whole((seen > 0) & (np.abs(seen - z) < _GATE_M), seen > 0)] = part.id
     large = np.repeat(np.repeat(block, _EVERY, axis=0), _EVERY, axis=1)[: out.shape[0], : out.shape[1]]
     for k, ids in below.items():
         out[(large == merged.parts[k].id) & np.isin(out, ids)] = merged.parts[k].id
     return out
 
 
+def _whole(there: NDArray[np.bool_], known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The pixels (h, w) of a surface without gaps, with those of unknown depth within its outline: a plain
+    front has depth at its edges alone."""
+    closed = cv2.morphologyEx(there.astype(np.uint8), cv2.MORPH_CLOSE, _BLOCK)
+    solid = cv2.morphologyEx(closed, cv2.MORPH_OPEN, _BLOCK)
+    outline = np.zeros_like(solid)
+    if solid.any():
+        cv2.fillConvexPoly(outline, cv2.convexHull(cv2.findNonZero(solid)), 1)
+    return np.asarray((closed > 0) | (~known & (outline > 0)))
+
+
 def _below(part: MovingPart) -> list[int]:
     """Labels that pixels of a part have in a window which doesn't handle it."""
-    return [STATIC_LABEL, *([] if part.carrier is None else [part.carrier.id])]
+    return [UNKNOWN_LABEL, STATIC_LABEL, *([] if part.carrier is None else [part.carrier.id])]

@@ -67,8 +67,8 @@ def standing(
 ) -> Standing:
     """A part that may stand anywhere in its known range and as far again on either side.
 
-    States beyond the range are left out in which its surface would lie on what frames show while the part is
-    elsewhere: a door turned into its cabinet lies on the side wall.
+    States beyond the range count where frames show, while the part is elsewhere, that nothing stands there: a
+    door turned into its cabinet lies on the side wall, one turned by 180 degrees on its neighbour's front.
     """
     low, high = min(known.values()), max(known.values())
     span, step = high - low, STEP[joint.kind]
@@ -77,14 +77,16 @@ def standing(
     states = np.arange(low - span, high + span + step, step)
     beyond = (states < low - SAME[joint.kind]) | (states > high + SAME[joint.kind])
     frames = sorted(known)
-    part, taken = Standing(joint, surface, known, states[beyond]), np.zeros(int(beyond.sum()), bool)
+    part = Standing(joint, surface, known, states[beyond])
+    taken, empty = np.zeros((2, int(beyond.sum())), bool)
     for k in np.unique(np.linspace(0, len(frames) - 1, _ELSEWHERE).astype(int)):
         shown = Shown.of(frames[k], recording, cameras)
         assert shown is not None
         _, same, through = shown.looks(part, part.states)
         elsewhere = np.abs(part.states - known[frames[k]]) > _APART * SAME[joint.kind]
         taken |= elsewhere & (same >= _TAKEN) & (same > 2 * through)
-    beyond[beyond] = taken
+        empty |= elsewhere & (through >= MUCH)
+    beyond[beyond] = taken | ~empty
     return replace(part, states=states[~beyond])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -47,9 +48,9 @@ class Shared:
     seconds: Array
     room: Array
 
-    def thinned(self, every: int) -> Shared:
-        """The same with each so manieth of its rows, the first and the last one."""
-        return replace(self, rows=np.unique(np.append(self.rows[::every], self.rows[-1])))
+    def thinned(self, every: int, kept: Iterable[int]) -> Shared:
+        """The same with each so manieth of its rows, and some that are kept."""
+        return replace(self, rows=np.union1d(self.rows[::every], [self.rows[-1], *kept]).astype(np.int64))
 
     def prior(self, axis: Array, normal: Array) -> float:
         """Weight, at most 1, of a joint with this axis for a board with this normal."""

@@ -13,8 +13,8 @@ from recon.interaction.boards.board import extents
 from recon.interaction.boards.carried import Carried, Explained
 from recon.interaction.boards.carrier import POINTS, Carrier, Shared
 from recon.interaction.boards.proposals import Proposed, along_room, proposed_joints
-from recon.interaction.boards.seeds import Seed, informative_rows, seeds
-from recon.interaction.joints.observations import Model
+from recon.interaction.boards.seeds import Seed, informative_rows, seed_at, seeds
+from recon.interaction.joints.observations import Kind, Model
 from recon.interaction.joints.sign_and_limits import Oriented, orient, smoothed
 from recon.observation.origins import origins
 from recon.observation.pictures import Pictures
@@ -37,6 +37,8 @@ _IMPROVED = 4
 _ALIKE_AXIS, _ALIKE_M = np.radians(4.0), 0.04
 # Rounds of the search after the extent was chosen.
 _LAST_ROUNDS = 3
+# Fewest frames of a search.
+_FEWEST_FRAMES = 8
 # Least gain of the leading surface over leaving to somewhere unknown, as a share of its pixels.
 LEAST = 0.015
 # The same of a further surface of the part.
@@ -102,14 +104,11 @@ def parts_by_depth(
 
     known: joints from elsewhere, which compete with those that boards and the room suggest.
     """
-    pictures = Pictures.of(recording, cameras)
-    if len(pictures.frames) < 8:
+    shared = _shared(recording, cameras)
+    if shared is None:
         return []
-    origin = origins(pictures)
-    seconds = np.asarray(recording.times)[pictures.frames]
-    room = room_directions(pictures)
-    shared = Shared(pictures, origin, informative_rows(origin, _ROWS), seconds, room)
-    left = [s for rest in (0, len(pictures.frames) - 1) for s in seeds(pictures, rest)]
+    pictures = shared.pictures
+    left = _changed(pictures)
     grown = {}
     for k, seed in enumerate(left):
         boards = extents(pictures, recording, seed, [o for o in left if o is not seed])
@@ -117,18 +116,55 @@ def parts_by_depth(
     found: list[DepthPart] = []
     while left:
         left.sort(key=lambda s: -len(s.points))
-        best, carried = _Round(shared, left, grown, known).best()
-        areas = np.array([c.area for c in carried.carriers])
-        if best.gains[0] < LEAST * areas[0]:
+        part, fine = _Round(shared, left, grown, known).part()
+        if part is None:
             left = left[1:]  # no joint carries the largest one
             continue
-        its = carried.only(best.gains >= _SAME * areas)
-        fine = its.followed(its.following(best.joint, best.rows, best.state))
-        state = smoothed(fine.state)
-        found.append(DepthPart(fine.joint, pictures.frames, state - state[0], best.worth, its))
-        shared = its.taken_out(fine)
-        left = [s for s in left if not _of(s, its)]
+        found.append(part)
+        shared = part.carried.taken_out(fine)
+        left = [s for s in left if not _of(s, part.carried)]
     return _worth_telling(sorted(found, key=lambda p: -p.score))
+
+
+def part_at(
+    recording: Recording,
+    cameras: Trajectory,
+    point: tuple[int, int, int],
+    known: Sequence[Proposed] = (),
+    kind: Kind | None = None,
+) -> DepthPart | None:
+    """The part of whose board a pixel x, y of a frame is; None where no joint carries what is seen there.
+
+    known: as of `parts_by_depth`. kind: of its joint, where that is known.
+    """
+    shared = _shared(recording, cameras)
+    if shared is None:
+        return None
+    pictures, (x, y, frame) = shared.pictures, point
+    row = int(np.argmin(np.abs(pictures.frames - frame)))
+    step = recording.intrinsics.width / pictures.camera.width
+    seed = seed_at(pictures, row, int(x / step), int(y / step))
+    if seed is None:
+        return None
+    shared = replace(shared, rows=np.union1d(shared.rows, [row]))
+    boards = extents(pictures, recording, seed)
+    left = [boards[0], *(s for s in _changed(pictures) if s.rest != row)]
+    return _Round(shared, left, {id(boards[0]): boards}, known, 1, kind).part()[0]
+
+
+def _shared(recording: Recording, cameras: Trajectory) -> Shared | None:
+    """What all boards of a recording share; None of too few frames."""
+    pictures = Pictures.of(recording, cameras)
+    if len(pictures.frames) < _FEWEST_FRAMES:
+        return None
+    origin = origins(pictures)
+    seconds = np.asarray(recording.times)[pictures.frames]
+    return Shared(pictures, origin, informative_rows(origin, _ROWS), seconds, room_directions(pictures))
+
+
+def _changed(pictures: Pictures) -> list[Seed]:
+    """Surfaces of the first and the last row that were not there at all times."""
+    return [s for rest in (0, len(pictures.frames) - 1) for s in seeds(pictures, rest)]
 
 
 def _of(seed: Seed, carried: Carried) -> bool:
@@ -141,18 +177,36 @@ def _of(seed: Seed, carried: Carried) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """One part's search: the seeds left, largest first, with what each may be grown to."""
+    """One part's search: the seeds left, largest first, with what each may be grown to; how many of them
+    propose joints, and of which kind."""
 
     shared: Shared
     left: Sequence[Seed]
     grown: dict[int, list[Seed]]
     known: Sequence[Proposed]
+    leading: int = _FROM
+    kind: Kind | None = None
     _carriers: dict[tuple[int, int], Carrier] = field(default_factory=dict)
+
+    def part(self) -> tuple[DepthPart | None, Explained]:
+        """The part of that joint, None where it explains too little, and its states of all rows in fine
+        steps."""
+        best, carried = self.best()
+        areas = np.array([c.area for c in carried.carriers])
+        if best.gains[0] < LEAST * areas[0]:
+            return None, best
+        its = carried.only(best.gains >= _SAME * areas)
+        fine = its.followed(its.following(best.joint, best.rows, best.state))
+        state = smoothed(fine.state)
+        frames = self.shared.pictures.frames
+        return DepthPart(fine.joint, frames, state - state[0], best.worth, its), fine
 
     def best(self) -> tuple[Explained, Carried]:
         """The joint that explains most, and the board and further seeds that it carries."""
         tried = [(joint, board) for board, joints in self._hypotheses() for joint in joints]
-        rough = replace(self, shared=self.shared.thinned(_FIRST_ROWS), _carriers={})
+        rough = replace(
+            self, shared=self.shared.thinned(_FIRST_ROWS, {s.rest for s in self.left}), _carriers={}
+        )
         few = {id(b): rough._with(b, _FIRST_POINTS) for _, b in tried}
         first = list(each(lambda t: few[id(t[1])].explained(t[0]), tried))
         starts: list[int] = []
@@ -182,10 +236,11 @@ class _Round:
 
     def _hypotheses(self) -> Iterator[tuple[Seed, list[Proposed]]]:
         """Boards, and joints for each: the largest seeds in all extents."""
-        for seed in self.left[:_FROM]:
+        for seed in self.left[: self.leading]:
             for board in self.grown[id(seed)]:
                 joints = proposed_joints(board.points)
-                yield board, [*joints, *along_room(joints, self.shared.room), *self.known]
+                every = [*joints, *along_room(joints, self.shared.room), *self.known]
+                yield board, [j for j in every if self.kind in (None, j.kind)]
 
     def _with(self, board: Seed, most: int = POINTS) -> Carried:
         """A board, and the seeds that do not lie on it."""

@@ -38,6 +38,8 @@ _JUMP_M = 0.04
 _STEEPER = 2.0
 # Most pixels over which coarse sensors smear the jump.
 _SMEARED = 2
+# px about a pixel that is pointed at, and fewest with depth.
+_ABOUT, _FEWEST = 6, 12
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
@@ -78,6 +80,19 @@ def seeds(pictures: Pictures, rest: int) -> list[Seed]:
     large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:_MOST] if area[k] >= _SHARE * left.size]
     found = [Seed.of(pictures, rest, piece == k) for k in large]
     return [s for s in found if not is_arm(s.mask, depth, s.points)]
+
+
+def seed_at(pictures: Pictures, row: int, x: int, y: int) -> Seed | None:
+    """The surface about a pixel of a row that goes on without a jump of depth; None where none is known."""
+    depth = pictures.depth[row]
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    about = (np.hypot(u - x, v - y) <= _ABOUT) & (depth > 0)
+    if about.sum() < _FEWEST:
+        return None
+    nearest = np.argmin(np.where(about, np.hypot(u - x, v - y), np.inf))
+    piece = cv2.connectedComponents((about & (_torn(depth) == 0)).astype(np.uint8), connectivity=4)[1]
+    mask = (piece == piece.ravel()[nearest]) & about
+    return Seed.of(pictures, row, mask) if mask.sum() >= _FEWEST else None
 
 
 def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.uint8]:

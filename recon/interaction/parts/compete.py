@@ -61,19 +61,18 @@ def witnessed(
     tracked: Sequence[MovingPart],
 ) -> list[Witnessed]:
     """What depth says of the parts. tracked: parts by tracks, whose joints compete for what moves."""
-    known = [_proposed(p.joint) for p in tracked]
-    return [
-        _told(part, cameras, movers, tracked, known) for part in parts_by_depth(recording, cameras, known)
-    ]
+    known = [proposed(p.joint) for p in tracked]
+    return [told(part, cameras, movers, tracked, known) for part in parts_by_depth(recording, cameras, known)]
 
 
-def _told(
+def told(
     part: DepthPart,
     cameras: Trajectory,
     movers: Movers,
     tracked: Sequence[MovingPart],
     known: Sequence[Proposed],
 ) -> Witnessed:
+    """What depth says of one part. known: the joints of those by tracks."""
     oriented = part.oriented(LIMIT_QUANTILE)
     state = np.interp(cameras.frames, part.frames, oriented.state)
     its = Witnessed(
@@ -101,12 +100,12 @@ def _mended(part: DepthPart, joint: Proposed, tracked: MovingPart, best: Array) 
     tried = (
         own - own[0] + m.state[0] if slips[moving(own)].mean() > _MOSTLY else np.where(slips, own, m.state)
     )
-    its, told = (part.worth(joint, np.interp(part.frames, m.frames, s)) for s in (m.state, tried))
-    farther = np.ptp(m.state) > _FARTHER * np.ptp(tried) and told * _MORE > its
-    return (tried, told / most) if slips.any() and (told > _MORE * its or farther) else (None, its / most)
+    its, mended = (part.worth(joint, np.interp(part.frames, m.frames, s)) for s in (m.state, tried))
+    farther = np.ptp(m.state) > _FARTHER * np.ptp(tried) and mended * _MORE > its
+    return (tried, mended / most) if slips.any() and (mended > _MORE * its or farther) else (None, its / most)
 
 
-def _proposed(joint: Joint) -> Proposed:
+def proposed(joint: Joint) -> Proposed:
     return Proposed(joint.kind, joint.axis, joint.pivot if isinstance(joint, Revolute) else np.zeros(3))
 
 

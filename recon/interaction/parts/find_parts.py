@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from recon.interaction.joints.clustering.clusters import cluster_tracks
 from recon.interaction.joints.config import MIN_TRACKS, JointConfig
 from recon.interaction.joints.group_fits import AS_WELL, GroupFit, fit_group, on_course, support, widened
+from recon.interaction.joints.observations import Kind
 from recon.interaction.joints.result import MotionFit
 from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.motion.intervals import MIN_DISPLACEMENT, state_intervals
@@ -36,7 +37,7 @@ from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.parts.part_matching import is_another_part, same_part
 from recon.interaction.parts.said_parts import Observed, outside, search_space
 from recon.interaction.parts.static_spans import known_rest_spans, rest_spans, restless
-from recon.interaction.parts.two_witnesses import reconciled_parts
+from recon.interaction.parts.two_witnesses import reconciled_parts, reconciled_word
 from recon.recording import Recording
 from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
@@ -45,7 +46,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MOTION = Stage("motion", 32, ("motion", "joints"))
+MOTION = Stage("motion", 33, ("motion", "joints"))
 _DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
 # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 _CALM_ROUNDS = 2
@@ -102,31 +103,39 @@ def _said_parts(
     if said.intervals:
         hand = hand_of(outside(said.intervals, frames))
     for number, word in enumerate(said.words):
-        told = _hints(said, number, hints)
+        hints_of = _hints(said, number, hints)
+        found, why = None, None
         try:
-            where = search_space(word, seen, free & ~hand, told)
+            where = search_space(word, seen, free & ~hand, hints_of)
             if not said.intervals and where.fit is not None:  # now it is known when it rests
                 hand = hand | hand_of(rest_spans(where.fit.fit, frames))
-                where = search_space(word, seen, free & ~hand, told)
-            search = _Search(where.movers, lambda _: hand, to_part, seen.joints, told)  # noqa: B023
+                where = search_space(word, seen, free & ~hand, hints_of)
+            search = _Search(where.movers, lambda _: hand, to_part, seen.joints, hints_of)  # noqa: B023
             search.free &= where.group
             if not search.take(where.group, where.fit):
                 raise search.failed[0]
+            (found,) = search.found
         except ReconstructionError as e:
-            warnings.warn(f"no part was found for {word}: {e}", stacklevel=3)
-        else:
-            (part,) = search.found
-            parts.append(replace(part, part=replace(part.part, id=FIRST_PART_ID + len(parts))))
-            free &= ~part.members
+            why = e
+        part = reconciled_word(found, word, _kind(said, number), seen.recording, seen.cameras, seen.movers)
+        if part is None:
+            warnings.warn(f"no part was found for {word}: {why}", stacklevel=3)
+            continue
+        parts.append(replace(part, part=replace(part.part, id=FIRST_PART_ID + len(parts))))
+        free &= ~part.members
     return FoundParts(seen.movers, tuple(parts))
 
 
 def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:
     """The type that the user says of a part, else what others expect."""
+    kind = _kind(said, number)
+    return hints if kind is None else (TypeHint(kind, 0, 1, "the user", weight=np.inf),)
+
+
+def _kind(said: Said, number: int) -> Kind | None:
+    """The type that the user says of a part."""
     word = said.type_of(number)
-    if word is None:
-        return hints
-    return (TypeHint("revolute" if word == "hinge" else "prismatic", 0, 1, "the user", weight=np.inf),)
+    return None if word is None else "revolute" if word == "hinge" else "prismatic"
 
 
 def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterator[NDArray[np.bool_]]:

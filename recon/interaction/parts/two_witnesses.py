@@ -8,15 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from recon.interaction.boards.search import MEANWHILE, carried_along, together
+from recon.interaction.boards.search import MEANWHILE, carried_along, part_at, together
 from recon.interaction.joints.config import LIMIT_QUANTILE
+from recon.interaction.joints.observations import Kind
 from recon.interaction.joints.sign_and_limits import smoothed
 from recon.interaction.motion.intervals import state_intervals
 from recon.interaction.motion.movers import Movers
-from recon.interaction.parts.compete import Witnessed, followers, witnessed
+from recon.interaction.parts.compete import Witnessed, followers, proposed, told, witnessed
 from recon.interaction.parts.found import PartTracks
 from recon.interaction.parts.moving_part import MovingPart
+from recon.interaction.parts.static_spans import REST_MARGIN
 from recon.recording import Recording
+from recon.recording.said import Word
 from twin.describe import range_text
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
@@ -70,6 +73,39 @@ def reconciled_parts(
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
 
 
+def reconciled_word(
+    found: PartTracks | None,
+    word: Word,
+    kind: Kind | None,
+    recording: Recording,
+    cameras: Trajectory,
+    movers: Movers,
+) -> PartTracks | None:
+    """The part that the user points at, by both witnesses. found: by tracks. kind: as the user says it.
+
+    Of an interval, depth looks at its frames and a few about it, and at the one that is pointed at.
+    """
+    if word.point is None:
+        return found
+    frames = cameras.frames
+    if word.interval is not None:
+        first, last = (f(e, word.point[2]) for f, e in zip((min, max), word.interval, strict=True))
+        frames = frames[(frames >= first - REST_MARGIN) & (frames <= last + REST_MARGIN)]
+    some = np.isin(cameras.frames, frames)
+    shown = Trajectory(cameras.frames[some], cameras.times[some], cameras.T_world_cam[some])
+    known = [] if found is None else [proposed(found.part.joint)]
+    part = part_at(recording, shown, word.point, known, kind)
+    if part is None:
+        return found
+    w = told(part, cameras, movers, [] if found is None else [found.part], known)
+    if found is not None and w.by_tracks is not None:
+        return _mended(w, found, movers)
+    if found is not None and _firm(found):
+        return found
+    out = _of_depth(w, recording, cameras, movers)
+    return out if kind is None else replace(out, type_source="said by the user")
+
+
 def _firm(f: PartTracks) -> bool:
     """Whether the tracks' joint needs no second witness."""
     sigma = f.part.joint.sigma
@@ -105,17 +141,17 @@ def _warn(left: PartTracks) -> None:
     )
 
 
-def _mended(w: Witnessed, told: PartTracks, movers: Movers) -> PartTracks:
+def _mended(w: Witnessed, tracked: PartTracks, movers: Movers) -> PartTracks:
     """The tracks' part, with states by depth where its tracks slip: those are not of it."""
     if w.mended is None:
-        return told
-    joint, m = told.part.joint, told.part.motion
+        return tracked
+    joint, m = tracked.part.joint, tracked.part.motion
     low, high = np.quantile(smoothed(w.mended), (LIMIT_QUANTILE, 1.0 - LIMIT_QUANTILE))
     joint = replace(joint, lower=min(float(low), 0.0), upper=max(float(high), 0.0))
     spans = state_intervals(m.frames, w.mended, joint.sigma.state if joint.sigma is not None else 0.0)
     motion = replace(m, state=w.mended, intervals=tuple((i.first, i.last) for i in spans))
     members = followers(joint, m.frames, w.mended, movers)
-    return PartTracks(replace(told.part, joint=joint, motion=motion), members, told.type_source)
+    return PartTracks(replace(tracked.part, joint=joint, motion=motion), members, tracked.type_source)
 
 
 def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers) -> PartTracks:

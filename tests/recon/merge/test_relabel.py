@@ -14,6 +14,7 @@ from recon.interaction.interaction import cameras_of, frames_of
 from recon.merge.merge import merge
 from recon.merge.relabel import all_labels
 from recon.merge.same_part import surface_of
+from recon.recording import Recording
 from tests.makers.recon.cabinets import make_clip
 from tests.makers.recon.visits import Visit, visits_of
 from twin.scene import HAND_LABEL, STATIC_LABEL
@@ -62,3 +63,20 @@ def test_one_frame_alone_shows_a_surface() -> None:
         found.parts[0], frames_of(recording, found.window), cameras_of(cameras, found.window), one.labels
     )
     assert len(surface.points) > 300
+
+
+def test_a_front_with_depth_at_its_edges_alone_is_labelled_whole_where_others_are_handled() -> None:
+    """As stereo cameras see plain surfaces: what has no depth within its outline is its own."""
+    clip = make_clip("drawer")
+    recording, cameras, found = visits_of([Visit(clip, back=True)], gap=40)
+    true = clip.labels[min(clip.labels)] == 2
+    inner = cv2.erode(true.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    depth = np.stack([recording.depth(f) for f in range(len(recording))])
+    depth[found[0].window.last + 1 :, inner] = 0.0
+    color = np.stack([recording.color(f) for f in range(len(recording))])
+    spotted = Recording.from_arrays(color, depth, recording.intrinsics, fps=15)
+    labels = all_labels(spotted, cameras, found, merge(recording, cameras, found))
+    for frame in (f for f in labels if f > found[0].window.last):
+        assert inner.sum() > 300
+        assert (labels[frame][inner] == 2).mean() > 0.97
+        assert iou(true, labels[frame] == 2) > 0.85

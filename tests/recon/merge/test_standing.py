@@ -9,6 +9,8 @@ import pytest
 
 from recon.interaction.interaction import Interaction
 from recon.merge.merge import merge
+from recon.merge.same_part import surface_of
+from recon.merge.standing import standing
 from recon.recording import Recording
 from tests.makers.recon.cabinets import Clip, make_clip
 from tests.makers.recon.visits import Visit, visits_of
@@ -68,3 +70,24 @@ def test_where_it_stands_between_visits_belongs_to_its_range(kind: str) -> None:
     ajar = replace(part, windows=((n // 2, n - 1),))
     assert np.ptp(ajar.motion.state[n // 2 : n]) < 0.8 * travel[-1]
     assert np.ptp(ajar.handled_states) == pytest.approx(travel[-1], abs=2 * NEAR[kind])
+
+
+@pytest.mark.parametrize(("shown", "farthest"), [(True, 1.5), (False, 1.25)])
+def test_states_beyond_the_range_count_where_frames_show_that_place_empty(
+    shown: bool, farthest: float
+) -> None:
+    """Of a door that was opened by 1.2 rad; where frames have no depth beside it they tell nothing."""
+    clip = make_clip("door")
+    recording, cameras, (found,) = visits_of([Visit(clip)])
+    part = found.parts[0]
+    known = dict(zip(part.motion.frames.tolist(), part.motion.state.tolist(), strict=True))
+    if not shown:
+        depth = np.stack([recording.depth(f) for f in range(len(recording))])
+        for f, image in enumerate(depth):
+            around = [found.labels[k] != 1 for k in found.labels if abs(k - f) <= 1]
+            image[~np.logical_or.reduce(around)] = 0.0
+        color = np.stack([recording.color(f) for f in range(len(recording))])
+        recording = Recording.from_arrays(color, depth, recording.intrinsics, fps=15)
+    surface = surface_of(part, recording, cameras, found.labels)
+    states = standing(part.joint, surface, known, recording, cameras).states
+    assert (states.max() > farthest) == shown
