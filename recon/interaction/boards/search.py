@@ -147,9 +147,9 @@ def part_at(
     if seed is None:
         return None
     shared = replace(shared, rows=np.union1d(shared.rows, [row]))
-    boards = extents(pictures, recording, seed)
-    left = [boards[0], *(s for s in _changed(pictures) if s.rest != row)]
-    return _Round(shared, left, {id(boards[0]): boards}, known, 1, kind).part()[0]
+    others = _changed(pictures)
+    boards = extents(pictures, recording, seed, others)
+    return _Round(shared, [boards[0], *others], {id(boards[0]): boards}, known, 1, kind).part()[0]
 
 
 def _shared(recording: Recording, cameras: Trajectory) -> Shared | None:
