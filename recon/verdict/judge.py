@@ -13,26 +13,17 @@ from recon.fusion.fuse import FusedScene
 from recon.interaction.interaction import Interaction, cameras_of, during, frames_of
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
+from recon.verdict.doubt import Doubt, above
 from recon.verdict.evidence import PartEvidence, SceneEvidence
 from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
+from recon.verdict.posterior import TRUSTED, probability, verdict_of
 from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
-from twin.verdict import LEVELS, Reason, Verdict, reason
+from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 34, ())
-# What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
-OF_THE_SCENE = ("HandWhereNobodyIs", "HandMovesNothing", "Unexplained", "StaticSeenThrough")
-# What a short motion leaves unsure: sigmas of one fit, which grow together
-OF_THE_FIT = ("AxisUnsure", "PivotUnsure", "RangeUnsure")
-# Reasons that each make doubtful, those of the scene together one of them, and those of the fit. Of 18 open
-# right parts that are doubted twelve have one of them, three two and three three; of eight open negatives
-# that are refused for nothing else all have four and more. By us, on recordings that were looked at
-MOST_DOUBTS = 3
-# Probability of the closed end from which all cues together outweigh one that contradicts another. Of 20
-# parts of open recordings, looked at, those with the wrong end reach .96 at most.
-CLOSED_SURE = 0.98
+VERDICT = Stage("verdict", 35, ())
 # Of the frames in which either of two parts moves, those in which both do: a hand opens one part. By us
 TOGETHER = 0.5
 # Numbers of reasons that are frames.
@@ -41,10 +32,14 @@ _FRAMES = {"frame", "other", "first", "last"}
 
 @dataclass(frozen=True)
 class Judged:
-    """The verdict on each part by id, those without a surface too, and the reasons against the scene."""
+    """The verdict on each part by id, those without a surface too, and the reasons against the scene.
+
+    amounts: of the doubts about each part by their type, as the posterior counts them.
+    """
 
     parts: Mapping[int, Verdict]
     scene: tuple[Reason, ...]
+    amounts: Mapping[int, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -78,22 +73,27 @@ def judge(
     A part is worth what its interactions show together: see `of_looks`.
     """
     told = _Told(recording, cameras, labels, parts, fused, finished)
-    looks: dict[int, list[Verdict]] = {}
+    looks: dict[int, list[Sequence[Doubt]]] = {}
     for interaction in interactions:
-        for k, verdict in told.verdicts(interaction).items():
-            looks.setdefault(k, []).append(verdict)
-    best = {k: of_looks(verdicts) for k, verdicts in looks.items()}
+        for k, doubts in told.doubts(interaction).items():
+            looks.setdefault(k, []).append(doubts)
+    best = {k: of_looks(doubts) for k, doubts in looks.items()}
+    amounts = {k: {d.reason.type: d.amount for d in clearest(doubts)} for k, doubts in looks.items()}
     # What is wrong with the recording comes first: it may be the cause of all else.
     windows = {p.id: p.windows for p in parts}
     verdicts = {
-        k: Verdict((*(f.reason for f in faults if f.touches(windows.get(k, ()))), *best[k].reasons))
+        k: replace(
+            best[k],
+            reasons=(*(f.reason for f in faults if f.touches(windows.get(k, ()))), *best[k].reasons),
+        )
         for k in sorted(best)
     }
     every = tuple(f.reason for f in faults)
     if any(v.level != "refused" for v in verdicts.values()):
-        return Judged(verdicts, (*every, *_missed(interactions)))
+        return Judged(verdicts, (*every, *_missed(interactions)), amounts)
     refusing = (replace(reason, level="refused") for reason in every)
-    return Judged(verdicts, (*refusing, nothing_articulated([i.found.movers for i in interactions])))
+    nothing = nothing_articulated([i.found.movers for i in interactions])
+    return Judged(verdicts, (*refusing, nothing), amounts)
 
 
 def _missed(interactions: Sequence[Interaction]) -> list[Reason]:
@@ -102,19 +102,20 @@ def _missed(interactions: Sequence[Interaction]) -> list[Reason]:
     return [reason("HandMovesNothing", "doubtful", *handled) for handled in empty if handled is not None]
 
 
-def of_looks(verdicts: Sequence[Verdict]) -> Verdict:
-    """The verdict on a part by those of all interactions with it: the best of them, as another look adds no
-    doubt.
+def clearest(looks: Sequence[Sequence[Doubt]]) -> Sequence[Doubt]:
+    """The doubts about a part in the interaction that shows it best: another look adds no doubt."""
+    return max(looks, key=lambda doubts: (probability(doubts), -len(doubts)))
 
-    Many doubts refuse what may be none. What two interactions show, by one joint and one surface, is a part,
-    if in both nothing but doubts speaks against it.
+
+def of_looks(looks: Sequence[Sequence[Doubt]]) -> Verdict:
+    """The verdict on a part by the doubts in each of its interactions: that of the clearest.
+
+    What two interactions show, by one joint and one surface, is a part, if nothing surely refuses it in both.
     """
-    best = max(verdicts, key=lambda v: (-LEVELS.index(v.level), -len(v.reasons)))
-    without = [tuple(r for r in v.reasons if r.type != "ManyDoubts") for v in verdicts]
-    doubted = [reasons for reasons in without if all(r.level == "doubtful" for r in reasons)]
-    if best.level == "refused" and len(doubted) > 1:
-        return Verdict(min(doubted, key=len))
-    return best
+    told = verdict_of(clearest(looks))
+    if told.level == "refused" and sum(probability(doubts) > 0.0 for doubts in looks) > 1:
+        return replace(told, reasons=tuple(r.at_level("doubtful") for r in told.reasons))
+    return told
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +129,8 @@ class _Told:
     fused: FusedScene
     finished: Sequence[FinishedPart]
 
-    def verdicts(self, interaction: Interaction) -> Mapping[int, Verdict]:
-        """The verdict on each part that an interaction handles, by id."""
+    def doubts(self, interaction: Interaction) -> Mapping[int, Sequence[Doubt]]:
+        """The doubts about each part that an interaction handles, by id."""
         window, found = interaction.window, interaction.found
         handled = {p.id for p in interaction.parts}
         written = {
@@ -145,12 +146,12 @@ class _Told:
         scene = SceneEvidence(recording, cameras, labels, found, self.fused.static, told)
         mine = [(part, mesh) for part, mesh in told if part.id in handled]
         alone = {
-            part.id: verdict_on(
+            part.id: doubts_about(
                 PartEvidence(scene, part, mesh, tracks, *closed.get(part.id, ())), window.first
             )
             for (part, mesh), tracks in zip(mine, found.of([part for part, _ in mine]), strict=True)
         }
-        return _beside_doubted([part for part, _ in mine], alone)
+        return beside_doubted([part for part, _ in mine], alone)
 
 
 def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPart:
@@ -160,43 +161,26 @@ def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPar
     return part.standing() if stands else part
 
 
-def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:
-    """The verdicts, with a doubt for each part that moves when one does that is not trusted: either may have
-    taken what moved of the other, or both are one."""
+def beside_doubted(
+    parts: Sequence[MovingPart], doubts: Mapping[int, Sequence[Doubt]]
+) -> Mapping[int, Sequence[Doubt]]:
+    """The doubts by part, with one for each part that moves when one does that is not trusted: either may
+    have taken what moved of the other, or both are one."""
     moving = {p.id: set(p.motion.frames[moving_rows(p)]) for p in parts}
-    doubted = [p.id for p in parts if verdicts[p.id].level != "trusted"]
-    out = dict(verdicts)
-    for k in (p.id for p in parts if verdicts[p.id].level != "refused"):
-        others = (o for o in doubted if o != k)
+    unsure = [p.id for p in parts if probability(doubts[p.id]) < TRUSTED]
+    out = dict(doubts)
+    for k in moving:
+        others = (o for o in unsure if o != k)
         common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in others)
-        share = max(common, default=0.0)
-        if share > TOGETHER:
-            out[k] = _added_up(
-                (*verdicts[k].reasons, reason("MovesWithDoubted", "doubtful", share, TOGETHER))
-            )
+        more = above("MovesWithDoubted", max(common, default=0.0), TOGETHER)
+        out[k] = (*doubts[k], *(() if more is None else (more,)))
     return out
 
 
-def verdict_on(evidence: PartEvidence, first: int = 0) -> Verdict:
-    """All reasons against one part. first: of the evidence's frames, as the recording counts.
-
-    A closed end that one cue leaves unsure is no reason where all cues together are sure of it and nothing
-    else speaks against the part: of what was missed or labelled wrong they tell another surface's closed end.
-    """
-    reasons = tuple(_later(r, first) for ask in OF_PARTS if (r := ask(evidence)) is not None)
-    if evidence.closed_probability >= CLOSED_SURE and all(r.type == "ClosedEndUnsure" for r in reasons):
-        return Verdict()
-    return _added_up(reasons)
-
-
-def _added_up(reasons: tuple[Reason, ...]) -> Verdict:
-    """These reasons, and that they are too many where none of them is enough to refuse."""
-    alike = [[r for r in reasons if r.type in types] for types in (OF_THE_SCENE, OF_THE_FIT)]
-    doubts = [r for r in reasons if all(r not in same[1:] for same in alike)]
-    if len(doubts) > MOST_DOUBTS and all(r.level == "doubtful" for r in reasons):
-        first, told = doubts[0], (len(doubts), MOST_DOUBTS)
-        return Verdict((reason("ManyDoubts", "refused", *told, first.text, first.help), *reasons))
-    return Verdict(reasons)
+def doubts_about(evidence: PartEvidence, first: int = 0) -> tuple[Doubt, ...]:
+    """All doubts about one part. first: of the evidence's frames, as the recording counts."""
+    told = (doubt for ask in OF_PARTS if (doubt := ask(evidence)) is not None)
+    return tuple(replace(d, reason=_later(d.reason, first)) for d in told)
 
 
 def _later(told: Reason, first: int) -> Reason:

@@ -11,11 +11,12 @@ from twin.verdict.verdict import Verdict
 
 
 def verdict_document(verdict: Verdict | None) -> dict[str, Any] | None:
-    """`level`, and `reasons` with `type`, `level`, `kind`, `values`, `text` and `help` each; JSON types. None
-    stays None."""
+    """`level`, `probability` where it is known, and `reasons` with `type`, `level`, `kind`, `values`, `text`
+    and `help` each; JSON types. None stays None."""
     if verdict is None:
         return None
-    return {"level": verdict.level, "reasons": [_reason(r) for r in verdict.reasons]}
+    known = {} if verdict.probability is None else {"probability": verdict.probability}
+    return {"level": verdict.level, **known, "reasons": [_reason(r) for r in verdict.reasons]}
 
 
 def verdict_from(document: Mapping[str, Any]) -> Verdict:
@@ -28,7 +29,10 @@ def verdict_from(document: Mapping[str, Any]) -> Verdict:
         raise SceneError(f"a verdict is {', '.join(LEVELS)}, not {level!r:.40}")
     if not isinstance(rows, list) or not all(isinstance(r, Mapping) for r in rows):
         raise SceneError(f"a verdict needs a list of reasons, has {rows!r:.40}")
-    verdict = Verdict(tuple(_from(r) for r in rows))
+    told = document.get("probability")
+    if told is not None and not (isinstance(told, (int, float)) and 0 <= told <= 1):
+        raise SceneError(f"the probability of a verdict is between 0 and 1, not {told!r:.40}")
+    verdict = Verdict(tuple(_from(r) for r in rows), None if told is None else float(told))
     if verdict.level != level:
         raise SceneError(f"the verdict {level!r} has reasons that make it {verdict.level!r}")
     return verdict

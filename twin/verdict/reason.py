@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from twin.cause import Cause
@@ -28,3 +28,7 @@ class Reason(Cause):
     def __post_init__(self) -> None:
         if self.level not in LEVELS[1:]:
             raise SceneError(f"a reason makes a part doubtful or refused, not {self.level!r:.40}")
+
+    def at_level(self, level: Level) -> Reason:
+        """The same, making a part this."""
+        return replace(self, level=level)

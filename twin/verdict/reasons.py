@@ -225,12 +225,6 @@ REASONS: Mapping[str, Words] = {
         _labels,
         f"keep the part in view, before and after it moves too, or {POINT_AT_IT}",
     ),
-    "ManyDoubts": Words(  # said, cure: text and help of the first
-        "count limit said cure",
-        "too many reasons speak against it",
-        "{count} reasons speak against it (at most {limit}), the first: {said}",
-        "{cure}",
-    ),
     "MovesWithDoubted": Words(  # share: of the frames in which either moves
         "share limit",
         "something that is not trusted moves when it does",

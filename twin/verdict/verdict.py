@@ -11,9 +11,13 @@ from twin.verdict.reasons import reason
 
 @dataclass(frozen=True)
 class Verdict:
-    """The reasons against a part or a twin, none if trusted. Its level is that of the worst of them."""
+    """The reasons against a part or a twin, none if trusted. Its level is that of the worst of them.
+
+    probability: that a part is right, where it was told by calibrated evidence; None of a twin.
+    """
 
     reasons: tuple[Reason, ...] = ()
+    probability: float | None = None
 
     @property
     def level(self) -> Level:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recon.verdict.camera_drift import camera_drift
-from recon.verdict.of_parts import CAMERAS_DOUBTFUL
+from recon.verdict.of_parts import CAMERAS
 from recon.verdict.posed import PosedTwin
 from tests.makers.recon.cabinets import make_clip
 from tests.makers.recon.tiny import box, merged
@@ -50,5 +50,5 @@ def test_a_path_that_is_off_is_told_whatever_stands_before_the_wall(off: float) 
     first, second, apart = camera_drift(replace(twin, cameras=replace(twin.cameras, T_world_cam=poses)))
     assert first < 6 <= second
     assert (
-        CAMERAS_DOUBTFUL < apart < 1.2 * off
+        CAMERAS < apart < 1.2 * off
     )  # the panel slides along itself and agrees, up to a third of the picture

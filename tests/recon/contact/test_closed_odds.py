@@ -13,8 +13,8 @@ from recon.contact.find_contact import ContactConfig
 from recon.contact.finish_parts import finish_parts
 from recon.fusion.fuse import FusedScene
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.judge import CLOSED_SURE, judge, verdict_on
-from tests.makers.recon.altered import with_sigma
+from recon.verdict.judge import judge
+from recon.verdict.of_parts import CLOSED_SURE, closed_end
 from tests.makers.recon.cabinets import Clip
 from tests.makers.recon.judged import as_one, perfect
 from tests.makers.recon.tiny import merged
@@ -58,15 +58,10 @@ def test_a_door_that_is_flush_where_it_starts_is_not_doubted_for_a_wall_beyond_i
     assert judged(clip, sound).reasons == ()
 
 
-def test_another_reason_keeps_the_doubt_about_the_closed_end(clip: Clip, sound: PartEvidence) -> None:
-    reasons = judged(clip, with_sigma(sound, pivot=0.02)).reasons
-    assert {r.type for r in reasons} == {"PivotUnsure", "ClosedEndUnsure"}
-
-
-@pytest.mark.parametrize(("off", "level"), [(0.001, "trusted"), (-0.001, "doubtful")])
-def test_the_doubt_is_cleared_from_its_limit_on(off: float, level: str, sound: PartEvidence) -> None:
+@pytest.mark.parametrize(("off", "told"), [(0.001, False), (-0.001, True)])
+def test_the_doubt_is_cleared_from_its_limit_on(off: float, told: bool, sound: PartEvidence) -> None:
     e = replace(sound, closed_margin=0.0, closed_probability=CLOSED_SURE + off)
-    assert verdict_on(e).level == level
+    assert (closed_end(e) is not None) == told
 
 
 def test_a_door_that_starts_where_a_wall_stops_it_is_not_sure(clip: Clip) -> None:

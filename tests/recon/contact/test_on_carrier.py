@@ -51,7 +51,7 @@ def twin_of(clip: Clip, refused: bool) -> Twin:
     }
     parts = (clip.part, carrier_of(clip))
     done = finished(clip, carried=True)
-    judged = Judged(verdicts, ())
+    judged = Judged(verdicts, (), {})
     return assemble(clip.recording, clip.cameras, clip.static, done, clip.labels, {}, judged, parts, {}, {})
 
 

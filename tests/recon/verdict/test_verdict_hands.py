@@ -54,9 +54,9 @@ def block(clip: Clip, share: float) -> Any:
 def test_hand_that_has_the_depth_of_the_twin_is_none(frame: int) -> None:
     clip = make_clip("door")
     told = of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.016))))
-    assert told.type == "HandWhereNobodyIs"
-    assert told.numbers["frame"] == frame
-    np.testing.assert_allclose(told.numbers["share"], 0.016, rtol=0.15)
+    assert told.reason.type == "HandWhereNobodyIs"
+    assert told.reason.numbers["frame"] == frame
+    np.testing.assert_allclose(told.reason.numbers["share"], 0.016, rtol=0.15)
     assert of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.008)))) is None
 
 
@@ -67,8 +67,8 @@ def test_a_missed_part_that_was_labelled_hand_is_none(frame: int) -> None:
     missed = painted(clip, frame, clip.labels[frame] == 2)
     e = with_labels(perfect(clip), missed, None)
     told = of_video.hand_is_one(e)
-    assert told.type == "HandWhereNobodyIs"
-    assert told.numbers["frame"] == frame
+    assert told.reason.type == "HandWhereNobodyIs"
+    assert told.reason.numbers["frame"] == frame
 
 
 def changing(e: PartEvidence, since: int, depth: Array) -> PartEvidence:
@@ -89,7 +89,7 @@ def test_what_leaves_may_be_a_hand(since: int) -> None:
     thing = clip.labels[0] == 2
     e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
     depth = clip.recording.depth(0)
-    assert of_video.hand_is_one(changing(e, since, depth)).type == "HandWhereNobodyIs"
+    assert of_video.hand_is_one(changing(e, since, depth)).reason.type == "HandWhereNobodyIs"
     assert of_video.hand_is_one(changing(e, since, np.where(thing, depth + 0.2, depth))) is None
 
 
@@ -101,7 +101,7 @@ def test_fingers_may_rest_while_the_arm_moves() -> None:
     depth = clip.recording.depth(0)
     fingers, half = (np.where(thing & (np.arange(thing.shape[1]) > x), depth + 0.2, depth) for x in column)
     assert of_video.hand_is_one(changing(e, 1, fingers)) is None
-    assert of_video.hand_is_one(changing(e, 1, half)).type == "HandWhereNobodyIs"
+    assert of_video.hand_is_one(changing(e, 1, half)).reason.type == "HandWhereNobodyIs"
 
 
 @pytest.mark.parametrize(("kind", "told"), [("drawer", False), ("door", True)])
@@ -134,13 +134,15 @@ def test_a_hand_that_moves_at_an_end_needs_no_explanation(kind: Kind) -> None:
     e = ending(perfect(clip, hand_labels(clip, 14)), 14)
     assert of_parts.explained(e) is None
     unlabelled = {f: np.where(image == HAND_LABEL, np.uint8(1), image) for f, image in e.scene.labels.items()}
-    assert of_parts.explained(replace(e, scene=replace(e.scene, labels=unlabelled))).type == "Unexplained"
+    assert (
+        of_parts.explained(replace(e, scene=replace(e.scene, labels=unlabelled))).reason.type == "Unexplained"
+    )
 
 
 def test_a_missed_part_that_was_labelled_hand_needs_an_explanation() -> None:
     clip = make_clip("drawer")
     missed = {f: np.where(image == 2, np.uint8(HAND_LABEL), image) for f, image in clip.labels.items()}
-    assert of_parts.explained(with_labels(perfect(clip), missed, None)).type == "Unexplained"
+    assert of_parts.explained(with_labels(perfect(clip), missed, None)).reason.type == "Unexplained"
 
 
 @pytest.mark.parametrize(("border_m", "explained"), [(0.4, True), (0.0, True), (1.0, False)])
@@ -179,8 +181,8 @@ def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
     ):
         scene = replace(e.scene, parts=((replace(part, motion=other), mesh),))
         told = of_video.hand_moves_something(replace(e, scene=scene))
-        assert told.type == "HandMovesNothing"
-        assert (told.numbers["first"], told.numbers["last"]) == (min(hands), max(hands))
+        assert told.reason.type == "HandMovesNothing"
+        assert (told.reason.numbers["first"], told.reason.numbers["last"]) == (min(hands), max(hands))
     brief = {
         f: np.where(image == HAND_LABEL, 1, image) if f != hands[1] else image
         for f, image in clip.labels.items()
@@ -259,9 +261,9 @@ def test_a_board_that_is_labelled_hand_at_rest_is_none(
     found = of_video.hand_is_one(still)
     assert (found is not None) == told
     if found is not None:
-        assert found.type == "HandWhereNobodyIs"
-        assert found.numbers["frame"] == frame
-        np.testing.assert_allclose(found.numbers["share"], share, rtol=0.2)
+        assert found.reason.type == "HandWhereNobodyIs"
+        assert found.reason.numbers["frame"] == frame
+        np.testing.assert_allclose(found.reason.numbers["share"], share, rtol=0.2)
 
 
 @pytest.mark.parametrize(("columns", "near", "told"), [(18, 0.4, False), (60, 0.4, True), (18, 0.95, True)])

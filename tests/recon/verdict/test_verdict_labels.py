@@ -31,10 +31,10 @@ def test_a_part_is_labelled_wherever_the_twin_brings_it(evidence: PartEvidence, 
     assert of_video.labelled_at_ends(evidence) is None
     lost = labelled_there(evidence, clip, end, STATIC_LABEL)
     reason = of_video.labelled_at_ends(with_labels(evidence, lost))
-    assert reason.type == "LabelledElsewhere"
-    assert reason.level == "doubtful"
-    assert reason.numbers["share"] == 0.0
-    assert clip.opening[reason.numbers["frame"]] == pytest.approx(
+    assert reason.reason.type == "LabelledElsewhere"
+    assert reason.reason.level == "doubtful"
+    assert reason.reason.numbers["share"] == 0.0
+    assert clip.opening[reason.reason.numbers["frame"]] == pytest.approx(
         clip.opening[end], abs=0.1 * np.ptp(clip.opening)
     )
 
@@ -59,5 +59,5 @@ def test_a_part_that_is_labelled_hand_where_it_is_open_is_labelled_elsewhere(
     """Nothing is in front of it there, as an arm would be."""
     taken = labelled_there(evidence, clip, -1, HAND_LABEL)
     reason = of_video.labelled_at_ends(with_labels(evidence, taken))
-    assert reason.type == "LabelledElsewhere"
-    assert reason.numbers["share"] < 0.1
+    assert reason.reason.type == "LabelledElsewhere"
+    assert reason.reason.numbers["share"] < 0.1

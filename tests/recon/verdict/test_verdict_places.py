@@ -10,7 +10,9 @@ import pytest
 
 from recon.verdict import of_parts, of_video
 from recon.verdict.evidence import PartEvidence
+from recon.verdict.judge import doubts_about
 from recon.verdict.places import Places, looked_at
+from recon.verdict.posterior import verdict_of
 from tests.makers.recon.cabinets import FRAMES, Kind, make_clip
 from tests.makers.recon.judged import perfect
 from tests.makers.recon.tiny import box, merged
@@ -58,8 +60,8 @@ def test_a_neighbour_that_was_labelled_part_is_contradicted_by_its_share(share: 
     reason = of_video.contradicted(leaked)
     assert (reason is not None) == (told > of_video.CONTRADICTED)
     if reason is not None:
-        assert reason.type == "SurfaceContradicted"
-        assert reason.numbers["share"] == told
+        assert reason.reason.type == "SurfaceContradicted"
+        assert reason.reason.numbers["share"] == told
 
 
 def test_a_wall_behind_the_part_was_not_seen_to_move() -> None:
@@ -68,7 +70,7 @@ def test_a_wall_behind_the_part_was_not_seen_to_move() -> None:
     assert e.mesh is not None
     wall = box((0.0, 0.66, 1.2), (3.0, 0.001, 2.0))
     told = of_video.seen_to_move(with_mesh(e, merged(e.mesh, wall)))
-    assert told.type == "SurfaceUnseen"
+    assert told.reason.type == "SurfaceUnseen"
 
 
 def test_what_stays_where_it_was_is_no_part() -> None:
@@ -81,7 +83,7 @@ def test_what_stays_where_it_was_is_no_part() -> None:
     assert seen(false).contradicted > of_video.CONTRADICTED
     reason = of_video.seen_to_move(false)
     assert reason is not None
-    assert reason.level == "refused"
+    assert verdict_of(doubts_about(false)).level == "refused"
 
 
 def test_what_hardly_goes_anywhere_is_not_told() -> None:
@@ -120,6 +122,6 @@ def test_a_panel_that_slides_along_itself_needs_tracks(kind: Kind, told: bool) -
     reason = of_parts.across_itself(by_depth)
     assert (reason is not None) == told
     if reason is not None:
-        assert reason.type == "AlongItself"
-        assert reason.numbers["across"] < 0.2
+        assert reason.reason.type == "AlongItself"
+        assert reason.reason.numbers["across"] < 0.2
     assert of_parts.across_itself(replace(by_depth, mesh=None)) is None

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,95 +10,88 @@ import pytest
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.interaction.parts.find_parts import PartTracks
-from recon.verdict.evidence import PartEvidence
-from recon.verdict.judge import OF_THE_FIT, OF_THE_SCENE, Judged, _beside_doubted, judge, of_looks, verdict_on
+from recon.verdict.doubt import SURELY, Doubt
+from recon.verdict.judge import Judged, beside_doubted, clearest, doubts_about, judge, of_looks
+from recon.verdict.posterior import WEIGHTS, probability, verdict_of
 from tests.makers.recon.cabinets import Clip
 from tests.makers.recon.judged import as_one, perfect
-from twin.verdict import Level, Verdict, reason
+from twin.verdict import reason
+from twin.verdict.reasons import REASONS
 
 
-def doubted(clip: Clip, times: int) -> PartEvidence:
-    """A door with so many doubts: hinge, time at rest, closed end, labels."""
-    e = perfect(clip)
-    sigma: Any = e.part.joint.sigma
-    if times > 0:
-        e = replace(e, part=replace(e.part, joint=replace(e.part.joint, sigma=replace(sigma, pivot=0.02))))
-    if times > 1:
-        e = replace(e, closed_margin=0.0)
-    if times > 2:
-        one = {0: e.scene.labels[0]}
-        e = replace(e, scene=replace(e.scene, labels=one))
-    if times > 3:
-        every = ((int(e.part.motion.frames[0]), int(e.part.motion.frames[-1])),)
-        e = replace(e, part=replace(e.part, motion=replace(e.part.motion, intervals=every)))
-    return e
+def doubts(*types: str, times: float = 1.3) -> tuple[Doubt, ...]:
+    """Doubts of these types, each so far beyond its limit."""
+    return tuple(Doubt(reason(t, "doubtful", 0.1, 0.1), times) for t in types)
 
 
-@pytest.mark.parametrize(
-    ("times", "level"), [(0, "trusted"), (1, "doubtful"), (3, "doubtful"), (4, "refused")]
+ONE, FEW, MANY = (
+    ("NeverRests",),
+    ("NeverRests", "AxisUnsure"),
+    ("NeverRests", "AxisUnsure", "SmallSurface", "MotionUnseen"),
 )
-def test_three_doubts_are_doubts_and_four_refuse(times: int, level: str, clip: Clip) -> None:
-    verdict = verdict_on(doubted(clip, times))
-    assert verdict.level == level
-    assert sum(r.level == "doubtful" for r in verdict.reasons) == times
-    if level == "refused":
-        main = verdict.main
-        assert main.type == "ManyDoubts"
-        assert main.numbers["count"] == times
-        assert verdict.reasons[1].text in main.text
-        assert main.help == verdict.reasons[1].help
 
 
-def test_what_two_interactions_show_is_not_refused_for_its_doubts(clip: Clip) -> None:
-    """Nor is it where one of them shows it well; where one refuses it for itself the other one is alone."""
-    many, few = verdict_on(doubted(clip, 4)), verdict_on(doubted(clip, 1))
-    alone = verdict_on(replace(doubted(clip, 4), mesh=None))
-    assert alone.level == "refused"
-    assert of_looks([many]) is many
+def test_doubts_add_up_to_a_level() -> None:
+    none, few, many = (verdict_of(doubts(*types, times=2.0)) for types in ((), FEW, MANY))
+    assert (none.level, few.level, many.level) == ("trusted", "doubtful", "refused")
+    assert none.probability > few.probability > many.probability  # type: ignore[operator]
+    assert {r.type for r in many.reasons} == set(MANY)
+    assert many.main.level == "refused"  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("type", sorted(WEIGHTS))
+def test_each_doubt_takes_from_the_probability_and_the_more_the_farther(type: str) -> None:
+    """None speaks for a part."""
+    values = [0.1] * len(REASONS[type].numbers.split())
+    alone = [Doubt(reason(type, "doubtful", *values), t) for t in (1.01, 3.0, 1e6)]
+    odds = [probability([]), *(probability([d]) for d in alone)]
+    assert sorted(odds, reverse=True) == odds
+    assert len(set(odds)) == len(odds)
+
+
+def test_every_doubt_has_its_weight() -> None:
+    told = {*REASONS} - {
+        "NoUncertainty",
+        "NoSurface",
+        "NothingArticulated",
+        "UpUnsure",
+        "OfPart",
+        "OfRecording",
+    }
+    assert set(WEIGHTS) == told
+
+
+def test_a_doubt_just_beyond_its_limit_is_no_reason_alone() -> None:
+    barely = verdict_of([Doubt(reason("BareBorder", "doubtful", 3, 0.21, 0.2), 1.01)])
+    assert barely.level == "trusted"
+    assert barely.reasons == ()
+    assert 0.95 <= barely.probability < probability([])  # type: ignore[operator]
+
+
+def test_what_surely_refuses_does_whatever_else_is_told(clip: Clip) -> None:
+    told = verdict_of(doubts_about(replace(perfect(clip), mesh=None)))
+    assert told.level == "refused"
+    assert told.probability == 0.0
+    assert told.main.type == "NoSurface"  # type: ignore[union-attr]
+
+
+def test_the_weightiest_reason_comes_first() -> None:
+    near, far = doubts("NeverRests", times=1.1), doubts("AxisUnsure", times=30.0)
+    assert [r.type for r in verdict_of((*near, *far)).reasons] == ["AxisUnsure", "NeverRests"]
+
+
+def test_what_two_interactions_show_is_not_left_out_for_its_doubts() -> None:
+    """Nor is it doubted where one of them shows it well; what one refuses for itself is worth the other."""
+    many, few = doubts(*MANY, times=2.0), doubts(*ONE)
+    alone = [Doubt(reason("NoSurface", "refused"), SURELY)]
+    assert of_looks([many]).level == "refused"
     both = of_looks([many, many])
     assert both.level == "doubtful"
-    assert both.reasons == many.reasons[1:]
-    assert of_looks([many, few]) is few
-    assert of_looks([many, alone]) == many
-
-
-def test_what_is_refused_for_itself_is_not_refused_for_its_doubts(clip: Clip) -> None:
-    reasons = verdict_on(replace(doubted(clip, 4), mesh=None)).reasons
-    assert not any(r.type == "ManyDoubts" for r in reasons)
-
-
-def test_what_a_missed_part_makes_wrong_is_one_doubt(clip: Clip) -> None:
-    """Resting hand, idle hand, another depth at rest and a static scene that is seen through; together with
-    two doubts they don't refuse."""
-    for times, level in ((2, "doubtful"), (3, "refused")):
-        e = doubted(clip, times)
-        scene = copy(e.scene)
-        told = {
-            "resting_hand": (3, 0.1),
-            "idle_visit": (3, 9),
-            "unexplained": (3, 0.01),
-            "static_seen_through": (3, 0.1),
-        }
-        scene.__dict__.update(told)
-        verdict = verdict_on(replace(e, scene=scene))
-        assert sum(r.type in OF_THE_SCENE for r in verdict.reasons) == len(told)
-        assert verdict.level == level
-    assert verdict.main.type == "ManyDoubts"
-    assert verdict.main.numbers["count"] == times + 1
-
-
-def test_what_a_short_motion_leaves_unsure_is_one_doubt(clip: Clip) -> None:
-    """Axis, hinge and range by one fit; with two other doubts they don't refuse, with three they do."""
-    for times, level in ((3, "doubtful"), (4, "refused")):
-        e = doubted(clip, times)
-        sigma: Any = e.part.joint.sigma
-        sigma = replace(sigma, axis=np.radians(1.5), state=(e.part.joint.upper - e.part.joint.lower) / 30)
-        e = replace(e, part=replace(e.part, joint=replace(e.part.joint, sigma=sigma)))
-        verdict = verdict_on(e)
-        assert sum(r.type in OF_THE_FIT for r in verdict.reasons) == 3
-        assert verdict.level == level
-    assert verdict.main.type == "ManyDoubts"
-    assert verdict.main.numbers["count"] == 4
+    assert [r.type for r in both.reasons] == [r.type for r in verdict_of(many).reasons]
+    assert of_looks([many, few]) == verdict_of(few)
+    assert of_looks([many, alone]) == verdict_of(many)
+    assert of_looks([alone, alone]).level == "refused"
+    assert clearest([alone, many, few]) is few
 
 
 def judged_beside(clip: Clip, frames: int) -> Judged:
@@ -124,7 +115,7 @@ def judged_beside(clip: Clip, frames: int) -> Judged:
     )
 
 
-def test_what_moves_together_with_what_was_refused_is_doubtful(clip: Clip) -> None:
+def test_what_moves_together_with_what_was_refused_is_doubted(clip: Clip) -> None:
     """Each frame of difference is one less in common and one more of either."""
     span = clip.part.motion.intervals[0]
     length = span[1] - span[0] + 1
@@ -132,22 +123,22 @@ def test_what_moves_together_with_what_was_refused_is_doubtful(clip: Clip) -> No
     assert (length - few) / (length + few) > 0.5 > (length - many) / (length + many)
     told = judged_beside(clip, few)
     assert told.parts[clip.part.id + 1].level == "refused"
-    (doubt,) = told.parts[clip.part.id].reasons
-    assert doubt.type == "MovesWithDoubted"
-    assert doubt.numbers["share"] == pytest.approx((length - few) / (length + few))
-    assert told.parts[clip.part.id].level == "doubtful"
-    assert judged_beside(clip, many).parts[clip.part.id].level == "trusted"
+    beside, apart = (judged_beside(clip, k).parts[clip.part.id] for k in (few, many))
+    assert beside.probability < apart.probability  # type: ignore[operator]
+    assert apart.level == "trusted"
 
 
-@pytest.mark.parametrize("level", ["trusted", "doubtful", "refused"])
-def test_what_moves_together_with_a_doubtful_part_is_doubtful(level: Level, clip: Clip) -> None:
+@pytest.mark.parametrize(("types", "told"), [((), False), (FEW, True), (MANY, True)])
+def test_what_moves_together_with_a_doubtful_part_is_doubted(
+    types: tuple[str, ...], told: bool, clip: Clip
+) -> None:
     """As where one door was found as two, each with half of its motion. Two that are trusted may move
     together: a person has two hands."""
     one, other = clip.part, replace(clip.part, id=clip.part.id + 1)
-    doubt = () if level == "trusted" else (reason("ClosedEndUnsure", level, 0.0, 0.25),)
-    verdicts = _beside_doubted((one, other), {one.id: Verdict(()), other.id: Verdict(doubt)})
-    assert verdicts[one.id].level == ("trusted" if level == "trusted" else "doubtful")
-    assert verdicts[other.id] == Verdict(doubt)
+    its = doubts(*types, times=2.0)
+    out = beside_doubted((one, other), {one.id: (), other.id: its})
+    assert [d.reason.type for d in out[one.id]] == (["MovesWithDoubted"] if told else [])
+    assert out[other.id] == its
 
 
 def test_a_part_whose_state_nobody_knows_in_a_window_stands_nowhere_there(clip: Clip) -> None:

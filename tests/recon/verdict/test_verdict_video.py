@@ -34,7 +34,7 @@ def door() -> PartEvidence:
 
 
 def asked(e: PartEvidence) -> set[str]:
-    return {r.type for r in (ask(e) for ask in VIDEO) if r is not None}
+    return {r.reason.type for r in (ask(e) for ask in VIDEO) if r is not None}
 
 
 def with_part(e: PartEvidence, part: MovingPart, mesh: Mesh | None) -> PartEvidence:
@@ -208,15 +208,15 @@ def bent(e: PartEvidence, tilt: float, shift: float, noise: float = 0.0) -> Part
 def test_halves_with_different_axes_disagree(kind: Kind) -> None:
     e = perfect(make_clip(kind))
     told = of_video.same_in_halves(bent(e, 12.0, 0.0, 0.001))
-    assert told.type == "HalvesDisagree"
-    np.testing.assert_allclose(told.numbers["axis_deg"], 12.0, atol=0.5)
+    assert told.reason.type == "HalvesDisagree"
+    np.testing.assert_allclose(told.reason.numbers["axis_deg"], 12.0, atol=0.5)
     assert of_video.same_in_halves(bent(e, 8.0, 0.0, 0.001)) is None
 
 
 def test_halves_with_different_hinges_disagree(door: PartEvidence) -> None:
     told = of_video.same_in_halves(bent(door, 0.0, 0.06, 0.001))
-    assert told.type == "HalvesDisagree"
-    np.testing.assert_allclose(told.numbers["pivot_m"], 0.06, atol=0.005)
+    assert told.reason.type == "HalvesDisagree"
+    np.testing.assert_allclose(told.reason.numbers["pivot_m"], 0.06, atol=0.005)
     assert of_video.same_in_halves(bent(door, 0.0, 0.04, 0.001)) is None
 
 
@@ -249,8 +249,8 @@ def test_tracks_that_tell_another_axis_in_both_halves_are_heard() -> None:
         reason = of_video.as_its_tracks(replace(e, part=replace(e.part, joint=joint)))
         assert (reason is not None) == told
         if reason is not None:
-            assert reason.type == "TracksDisagree"
-            np.testing.assert_allclose(reason.numbers["axis_deg"], deg, atol=0.2)
+            assert reason.reason.type == "TracksDisagree"
+            np.testing.assert_allclose(reason.reason.numbers["axis_deg"], deg, atol=0.2)
 
 
 def test_all_tracks_together_are_heard() -> None:
@@ -267,9 +267,9 @@ def test_all_tracks_together_are_heard() -> None:
         reason = of_video.as_its_tracks(replace(e, part=replace(e.part, joint=joint)))
         assert (reason is not None) == told
         if reason is not None:
-            assert reason.type == "TracksDisagree"
+            assert reason.reason.type == "TracksDisagree"
             np.testing.assert_allclose(
-                [reason.numbers["axis_deg"], reason.numbers["limit_deg"]], [deg, 3.5], atol=0.2
+                [reason.reason.numbers["axis_deg"], reason.reason.numbers["limit_deg"]], [deg, 3.5], atol=0.2
             )
 
 
@@ -283,9 +283,13 @@ def test_tracks_that_tell_another_hinge_in_both_halves_are_heard(door: PartEvide
         reason = of_video.as_its_tracks(with_part(e, moved, door.mesh))
         assert (reason is not None) == told
         if reason is not None:
-            assert reason.type == "TracksDisagree"
-            np.testing.assert_allclose(reason.numbers["pivot_m"], m, atol=0.005)
-            assert "50 mm" in reason.text or "49 mm" in reason.text or "51 mm" in reason.text
+            assert reason.reason.type == "TracksDisagree"
+            np.testing.assert_allclose(reason.reason.numbers["pivot_m"], m, atol=0.005)
+            assert (
+                "50 mm" in reason.reason.text
+                or "49 mm" in reason.reason.text
+                or "51 mm" in reason.reason.text
+            )
 
 
 def with_seen(e: PartEvidence, seen: Any) -> PartEvidence:
@@ -328,4 +332,4 @@ def test_each_limit_stands_where_it_is_said_to(name: str, door: PartEvidence) ->
     assert ask(with_seen(door, within)) is None
     told = ask(with_seen(door, beyond))
     assert told is not None
-    assert told.level == "doubtful"
+    assert told.reason.level == "doubtful"

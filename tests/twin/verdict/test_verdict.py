@@ -16,10 +16,10 @@ from twin import verdict as v
 from twin.errors import InputError, SceneError
 from twin.scene import Twin
 from twin.storage import digest, load, save
-from twin.verdict import REASONS, Verdict, of_twin, reason
+from twin.verdict import REASONS, Verdict, of_twin, reason, verdict_document, verdict_from
 
 
-@pytest.mark.parametrize("name", sorted(REASONS.keys() - {"OfPart", "ManyDoubts"}))
+@pytest.mark.parametrize("name", sorted(REASONS.keys() - {"OfPart"}))
 def test_what_helps_is_another_recording_or_one_of_the_users_words(name: str) -> None:
     told = REASONS[name].help
     told = told if isinstance(told, str) else told({"other": "-y"})
@@ -186,3 +186,18 @@ def test_numbers_of_a_reason_are_plain(tmp_path: Path) -> None:
     verdict = Verdict((reason("AxisUnsure", "doubtful", float(np.float64(1.0)), 0.5),))
     save(replace(cabinet_twin(), verdict=verdict), tmp_path / "twin")
     assert load(tmp_path).verdict == verdict
+
+
+@pytest.mark.parametrize("probability", [None, 0.0, 0.9731, 1.0])
+def test_a_verdict_keeps_its_probability(probability: float | None) -> None:
+    verdict = Verdict((reason("AxisUnsure", "doubtful", 1.5, 1.25),), probability)
+    document = verdict_document(verdict)
+    assert document is not None
+    assert ("probability" in document) == (probability is not None)
+    assert verdict_from(document) == verdict
+
+
+@pytest.mark.parametrize("probability", [-0.1, 1.2, "sure"])
+def test_what_is_no_probability_is_refused(probability: Any) -> None:
+    with pytest.raises(SceneError, match="between 0 and 1"):
+        verdict_from({"level": "trusted", "reasons": [], "probability": probability})

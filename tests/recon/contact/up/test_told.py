@@ -26,7 +26,7 @@ ANOTHER = reason("HandWhereNobodyIs", "doubtful", 3, 0.1, 0.03)
 def twin_with(doubt: Reason | None) -> Twin:
     """The twin of a world without parts, of which the verdict has one reason of its own."""
     seen = steep(30.0, with_part=False)
-    told: dict[str, Any] = {"contact": (), "texture": {}, "verdict": Judged({}, (ANOTHER,))}
+    told: dict[str, Any] = {"contact": (), "texture": {}, "verdict": Judged({}, (ANOTHER,), {})}
     told |= {"handle": {}, "completion": Layers(None, {})}
 
     class Told:
