@@ -51,16 +51,12 @@ _QUANTILE = 0.02
 class ClosedEnd:
     """The closed end: its state in the part's own counting, the state's sign on opening, the reason.
 
-    margin: difference between the ends of the shares of the deciding cue or of its witness; 0 without a
-    witness. The witness of a hinge is where it would be flush farther on, of a drawer its way, of a slide in
-    its own plane the first cue. probability: of this end by the added log odds of all cues, none of which is
-    a witness or a veto; .5 if no cue was looked at.
+    probability: of this end by the added log odds of all cues; .5 if no cue was looked at.
     """
 
     state: float
     opening_sign: Literal[1, -1]
     source: str
-    margin: float = 0.0
     probability: float = 0.5
 
 
@@ -118,35 +114,31 @@ def find_closed_end(
     ]
     cavity = [float(np.mean(d > DEEP)) if len(d) else 0.0 for d in depth]
     every = _every(part, face, ends, flush, cavity, static)
-    cues, witness = _ranked(every, face, part.joint, ends, static)
-    for cue in cues:
+    for cue in _ranked(every, face, part.joint, ends, static):
         if cue.lead(cue.end) > _MARGIN:
-            sure = witness.lead(cue.end) > _MARGIN
-            margin = max(cue.lead(cue.end), witness.lead(cue.end)) if sure else 0.0
-            return _end(ends, cue.end, cue.text, margin, every.probability(cue.end))
+            return _end(ends, cue.end, cue.text, every.probability(cue.end))
     space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
     if abs(space[0] - space[1]) > _MARGIN * max(space):
         less = int(space[1] > space[0])
-        return _end(ends, less, "its rest pose shows less uncovered space", 0.0, every.probability(less))
-    return _end(ends, starts, "first rest pose", 0.0, every.probability(starts))
+        return _end(ends, less, "its rest pose shows less uncovered space", every.probability(less))
+    return _end(ends, starts, "first rest pose", every.probability(starts))
 
 
 def _ranked(
     every: ClosedCues, face: Front, joint: Joint, ends: tuple[float, float], static: Mesh
-) -> tuple[list[_Cue], _Cue]:
-    """The cues in their order, and their witness."""
+) -> list[_Cue]:
+    """The cues in their order."""
     at_end = _Cue(every.flush, "flush with its surroundings")
     cavity = _Cue(every.cavity, "covers a cavity")
     if every.ahead is not None:
         ahead = _Cue(every.ahead, "nearer to a wall with its edge ahead")
-        cues = [cavity, at_end] if max(ahead.shares) <= _AT_WALL else [ahead, cavity, at_end]
-        return cues, cues[0]
+        return [cavity, at_end] if max(ahead.shares) <= _AT_WALL else [ahead, cavity, at_end]
     past = _Cue(every.past, "flush with its surroundings if it went on")
     way_in = inward(face, joint, ends, static)
     if way_in is None:
-        return [at_end, past, cavity], past
+        return [at_end, past, cavity]
     way = _Cue(way_in, "nearer to its surroundings and farther from the viewer")
-    return [at_end, way, past, cavity], way
+    return [at_end, way, past, cavity]
 
 
 def _every(
@@ -186,10 +178,8 @@ def _past(face: Front, joint: Joint) -> Array:
     return np.arange(0.0, _PAST_SLIDE + 1e-9, _GAP)
 
 
-def _end(
-    ends: tuple[float, float], k: int, source: str, margin: float = 0.0, probability: float = 0.5
-) -> ClosedEnd:
-    return ClosedEnd(ends[k], -1 if k else 1, source, margin, probability)
+def _end(ends: tuple[float, float], k: int, source: str, probability: float = 0.5) -> ClosedEnd:
+    return ClosedEnd(ends[k], -1 if k else 1, source, probability)
 
 
 def travel_ends(state: Array) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 # Log odds for each unit of difference between the shares of the two ends, chosen by us. With all weights of
 # this module the more likely end is right for 17 of 20 parts of open recordings; the three wrong ones reach a
 # probability of .96, .84 and .55. A front that is flush with its surroundings.
-_FLUSH = 4.0
+_FLUSH = 5.0
 # The same of what slides in its own plane, which may pass static surface all along.
 _FLUSH_IN_PLANE = 1.5
 # An edge that stops at a wall.

@@ -20,14 +20,14 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 8, ("contact",))
+CONTACT = Stage("contact", 9, ("contact",))
 
 
 @dataclass(frozen=True, eq=False)
 class FinishedPart:
     """A part counted from its closed end, with all that was found about it.
 
-    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`.
+    closed_probability: of the end that is taken for the closed one (`recon.contact.closed_end`).
     """
 
     moving: MovingPart
@@ -35,8 +35,7 @@ class FinishedPart:
     contact: ContactPath | None
     type_source: str
     closed_source: str
-    closed_margin: float
-    closed_probability: float = 0.5
+    closed_probability: float
 
     def standing(self) -> FinishedPart:
         """The part of the static scene that it is while it is handled first and its carrier stands."""
@@ -83,9 +82,7 @@ def finish_parts(
         closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels)
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
         path = _contact(recording, cameras, labels, based, based_mesh, config)
-        one = FinishedPart(
-            based, based_mesh, path, sources[part.id], closed.source, closed.margin, closed.probability
-        )
+        one = FinishedPart(based, based_mesh, path, sources[part.id], closed.source, closed.probability)
         carrier = [
             f.moving for f in finished if whole.carrier is not None and f.moving.id == whole.carrier.id
         ]

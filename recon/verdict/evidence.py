@@ -78,15 +78,15 @@ class SceneEvidence:
 class PartEvidence:
     """One part among all of them, with the tracks that are rigid with it.
 
-    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`; None, .5 without surface.
+    closed_probability: of the end that is taken for the closed one (`recon.contact.closed_end`); None without
+    a surface.
     """
 
     scene: SceneEvidence
     part: MovingPart
     mesh: Mesh | None
     tracks: PartTracks
-    closed_margin: float | None = None
-    closed_probability: float = 0.5
+    closed_probability: float | None = None
 
     @cached_property
     def in_motion(self) -> InMotion | None:

@@ -136,7 +136,7 @@ class _Told:
         written = {
             f.moving.id: (f.moving, f.mesh) for f in (_on_what_stands(f, handled) for f in self.finished)
         }
-        closed = {f.moving.id: (f.closed_margin, f.closed_probability) for f in self.finished}
+        closed = {f.moving.id: f.closed_probability for f in self.finished}
         told: list[tuple[MovingPart, Mesh | None]] = [
             (during(part, window), mesh) for part, mesh in (written.get(p.id, (p, None)) for p in self.parts)
         ]
@@ -146,9 +146,7 @@ class _Told:
         scene = SceneEvidence(recording, cameras, labels, found, self.fused.static, told)
         mine = [(part, mesh) for part, mesh in told if part.id in handled]
         alone = {
-            part.id: doubts_about(
-                PartEvidence(scene, part, mesh, tracks, *closed.get(part.id, ())), window.first
-            )
+            part.id: doubts_about(PartEvidence(scene, part, mesh, tracks, closed.get(part.id)), window.first)
             for (part, mesh), tracks in zip(mine, found.of([part for part, _ in mine]), strict=True)
         }
         return beside_doubted([part for part, _ in mine], alone)

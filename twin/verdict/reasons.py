@@ -103,9 +103,9 @@ REASONS: Mapping[str, Words] = {
         f"record a second of rest before and after the opening, or {POINT_AT_IT}",
     ),
     "ClosedEndUnsure": Words(
-        "margin limit",
+        "probability limit",
         "which end of its travel is the closed one is a guess",
-        "what tells its closed end from the open one differs by {margin:z.0f %} (at least {limit:g %})",
+        "its closed end has a probability of {probability:.0f %} (at least {limit:g %})",
         f"close it in the recording, with what surrounds it in view, or {CUT}",
     ),
     "CreepsAtRest": Words(

@@ -22,6 +22,7 @@ from recon.contact.front import front_of
 from recon.evaluation.read_truth import load_truth
 from recon.interaction.parts.moving_part import MovingPart
 from recon.readers import open_recording
+from recon.verdict.of_parts import CLOSED
 from tests.makers.recon.cabinets import TRAVEL, Clip, Kind, make_clip
 from tests.makers.recon.tiny import box, merged
 from twin import geometry as geo
@@ -41,7 +42,7 @@ def test_closed_end_is_found(kind: Kind, backwards: bool, axis_sign: int) -> Non
     clip = make_clip(kind, backwards=backwards, axis_sign=axis_sign)
     found = closed_of(clip)
     assert found.source.startswith("covers a cavity" if kind == "slide" else "flush")
-    assert found.margin > 0.25  # decided by the cue that is asked first
+    assert found.probability >= CLOSED or (kind == "slide" and backwards)
     part = rebase(clip.part, found)
     tolerance = 0.01 * TRAVEL[kind]
     np.testing.assert_allclose(part.motion.state, clip.opening, atol=tolerance)
@@ -63,7 +64,7 @@ def test_a_drawer_whose_front_is_not_flush_comes_out_towards_the_viewer(
     front = box((0.0, -0.05 - clip.opening[0], 1.4), (0.596, 0.018, 0.2))
     found = find_closed_end(clip.part, front, clip.static, clip.recording, clip.cameras, {})
     assert found.source.startswith("nearer to its surroundings")
-    assert found.margin > 0.8
+    assert found.probability > 0.85
     np.testing.assert_allclose(rebase(clip.part, found).motion.state, clip.opening, atol=0.003)
 
 
@@ -75,7 +76,7 @@ def test_a_drawer_that_is_flush_only_where_it_is_out_is_unsure() -> None:
     static = merged(*beside, *(box((0.0, y, z), (1.2, 0.018, 0.2)) for z in (1.2, 1.6)))
     found = find_closed_end(clip.part, clip.mesh, static, clip.recording, clip.cameras, clip.labels)
     assert found.source.startswith("flush")
-    assert found.margin == 0.0
+    assert found.probability < CLOSED
 
 
 def ajar(clip: Clip, least: float) -> MovingPart:
@@ -95,12 +96,12 @@ def test_a_door_that_never_shuts_closes_where_it_would_be_flush_if_it_went_on(
     told = (part, clip.mesh, clip.static, clip.recording, clip.cameras, {})
     found = find_closed_end(*told)
     assert found.source.startswith("flush with its surroundings if it went on")
-    assert found.margin > 0.5
+    assert 0.5 < found.probability < CLOSED
     assert found.opening_sign == axis_sign
     seen = clip.opening[clip.opening > 0.35]
     np.testing.assert_allclose(rebase(part, found).motion.state, seen - seen.min(), atol=0.02)
     monkeypatch.setattr(closed_end, "PAST_HINGE", 0.0)
-    assert find_closed_end(*told).margin == 0.0
+    assert find_closed_end(*told).probability < CLOSED
 
 
 def test_a_door_that_would_be_flush_past_both_ends_is_unsure() -> None:
@@ -110,7 +111,7 @@ def test_a_door_that_would_be_flush_past_both_ends_is_unsure() -> None:
     past = clip.mesh.transformed(part.joint.pose(float(part.motion.state.max()) + 0.3))
     walled = merged(clip.static, past)
     found = find_closed_end(part, clip.mesh, walled, clip.recording, clip.cameras, clip.labels)
-    assert found.margin == 0.0
+    assert found.probability < CLOSED
 
 
 def test_frames_in_which_the_part_is_half_way_tell_nothing_of_the_cavity() -> None:
@@ -150,10 +151,10 @@ def test_a_sliding_door_before_an_open_shelf_closes_at_the_wall(
     found = find_closed_end(clip.part, clip.mesh, static, clip.recording, clip.cameras, {})
     if gap:
         assert found.source.startswith("nearer to a wall")
-        assert found.margin > 0.8
+        assert found.probability > 0.6
         assert rebase(clip.part, found).joint.axis @ clip.true_joint.axis > 0
     else:
-        assert found.margin == 0.0
+        assert found.probability < CLOSED
 
 
 @pytest.mark.parametrize("side", [-3.0, 3.0])
@@ -185,7 +186,7 @@ def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep(monkeypatch:
     monkeypatch.setattr(closed_end, "DEEP", 5.0)  # no cavity is that deep
     found = find_closed_end(clip.part, clip.mesh, NOTHING, clip.recording, clip.cameras, clip.labels)
     assert "uncovered space" in found.source
-    assert found.margin == 0.0
+    assert found.probability < CLOSED
     assert rebase(clip.part, found).joint.axis @ clip.true_joint.axis > 0
 
 
@@ -194,7 +195,7 @@ def test_without_any_cue_the_first_rest_pose_is_closed(axis_sign: int) -> None:
     clip = make_clip("door", axis_sign=axis_sign)
     found = find_closed_end(clip.part, NOTHING, NOTHING, clip.recording, clip.cameras, clip.labels)
     assert found.source == "first rest pose"
-    assert found.margin == 0.0
+    assert found.probability < CLOSED
     assert found.state == pytest.approx(0.0, abs=0.01)
     assert found.opening_sign == axis_sign
 

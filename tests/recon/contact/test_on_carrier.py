@@ -71,7 +71,7 @@ def test_a_carried_part_is_finished_as_one_of_the_static_scene(clip: Clip) -> No
     assert alone.contact is not None
     np.testing.assert_allclose(there.contact.point, alone.contact.point, atol=1e-9)
     assert there.closed_source == alone.closed_source
-    assert there.closed_margin == pytest.approx(alone.closed_margin)
+    assert there.closed_probability == pytest.approx(alone.closed_probability)
 
 
 @pytest.mark.parametrize("refused", [False, True])

@@ -59,8 +59,7 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Doubt | None], Callable[..., Pa
     "border": (of_video.ends_at_edges, lambda e, _, x: with_border(e, x), of_video.BARE, "up"),
     "turn": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN, "down"),
     "way": (of_parts.far_enough, lambda e, _, x: ranging(e, x, Prismatic), of_parts.SLIDE, "down"),
-    "closed end": (of_parts.closed_end, lambda e, _, x: replace(e, closed_margin=x, closed_probability=0.5), of_parts.CLOSED_END, "down"),
-    "closed end, all": (of_parts.closed_end, lambda e, _, x: replace(e, closed_margin=0.0, closed_probability=1 - x), 1 - of_parts.CLOSED_SURE, "up"),
+    "closed end": (of_parts.closed_end, lambda e, _, x: replace(e, closed_probability=1 - x), 1 - of_parts.CLOSED, "up"),
     "video": (of_parts.explained, lambda e, _, x: with_known(e, unexplained=(3, x)), of_parts.UNEXPLAINED, "up"),
     "labels": (of_parts.labelled, lambda e, _, x: shown_in(e, round(x)), of_parts.FEWEST_LABELS - 0.5, "down"),
 }  # fmt: skip
@@ -79,7 +78,7 @@ def test_evidence_tells_on_which_side_of_its_limit_a_number_is(
     assert within is None
 
 
-@pytest.mark.parametrize("name", sorted(LIMITS.keys() - {"labels", "closed end"}))
+@pytest.mark.parametrize("name", sorted(LIMITS.keys() - {"labels"}))
 def test_what_is_farther_beyond_its_limit_is_doubted_more(
     name: str, evidence: PartEvidence, clip: Clip
 ) -> None:
