@@ -110,6 +110,11 @@ def calls() -> Iterator[tuple[str, str, list[ast.expr]]]:
                     of_twin = node.func.id == "reason" and package != "robots"
                     family = "reasons" if of_twin else "findings" if package == "recon" else "refusals"
                     yield family, str(first.value), node.args[2 if of_twin else 1 :]
+                if node.func.id in ("above", "below") and isinstance(first, ast.Constant):
+                    _, value, limit, *more = node.args
+                    yield "reasons", str(first.value), [*(more or [value]), limit]
+                if node.func.id == "_joints_differ" and isinstance(first, ast.Constant):
+                    yield "reasons", str(first.value), node.args[1:]
 
 
 def test_the_product_tells_causes_of_the_tables_and_all_of_them() -> None:
