@@ -74,9 +74,12 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
     # edges of colour lie to the left of those of depth when depth lies too far right
     x, y = (
         -_surely(interval, max(least, _SURE * sigma)) * full
-        for interval, sigma in zip(where.shift, where.sigma, strict=True)
+        for interval, sigma in zip(where.shift, where.sigma[:2], strict=True)
     )
-    border = -_surely(where.border, _BORDER * small.width / 640) * full
+    border = 0.0  # where some of the times tell none it is not known
+    if np.isfinite([*where.border, where.sigma[2]]).all():
+        widest = max(_BORDER * small.width / 640, _SURE * float(where.sigma[2]))
+        border = -_surely(where.border, widest) * full
     if x or y or border:
         found.append(finding("Misregistered", x or None, y or None, border or None))
     for axis, interval in zip("xy", where.shift, strict=True):

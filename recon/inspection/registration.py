@@ -122,8 +122,8 @@ def _outlines(depth: F32) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], 
 class Offset:
     """Where edges of depth meet edges of colour, of which holes leave an interval. shift (2, 2): least and
     greatest mean shift along x and y; border (2,): least and greatest further shift at the left and right
-    border, of a scale; px of the inspected size, NaN where no peak stands out. sigma: of a shift, by a
-    jackknife over times. edges: pixels on edges that were used."""
+    border, of a scale; px of the inspected size, NaN where no peak stands out. sigma (3,): of the shifts
+    and of the border, by a jackknife over times. edges: pixels on edges that were used."""
 
     shift: Array
     border: Array
@@ -135,19 +135,23 @@ class Offset:
 def offset(table: EdgeTable) -> Offset:
     """Shift and scale between depth and colour."""
     shift = np.array([[_middle(table, f, a, slice(None)) for f in range(2)] for a in range(2)])
-    left, right = (np.array([_middle(table, f, 0, slice(p, p + 1)) for f in range(2)]) for p in (0, 2))
+    border = np.array([_wider(table, f) for f in range(2)])
     blocks = np.array_split(np.arange(len(table.score)), _BLOCKS)
     parts = []
     for b in blocks:
         rest = EdgeTable(*(np.delete(x, b, axis=0) for x in (table.score, table.count)))
-        parts.append([_middle(rest, 0, a, slice(None)) for a in range(2)])
+        parts.append([*(_middle(rest, 0, a, slice(None)) for a in range(2)), _wider(rest, 0)])
     sigma = jackknife(np.array(parts))
     edges = int(table.count[:, 0].sum())
     heights = [max(h for f in range(2) for _, h in _peaks(table, f, a, slice(None))) for a in range(2)]
-    # the thirds' middles are two thirds of the width apart, the borders a whole one, half on each side
-    return Offset(
-        np.sort(shift, axis=1), np.sort(0.75 * (right - left)), sigma, edges, min(heights) < _NO_PEAK
-    )
+    return Offset(np.sort(shift, axis=1), np.sort(border), sigma, edges, min(heights) < _NO_PEAK)
+
+
+def _wider(table: EdgeTable, fill: int) -> float:
+    """Further shift at the left and right border by those of the outer thirds, whose middles are two thirds
+    of the width apart, the borders a whole one, half on each side."""
+    left, right = (_middle(table, fill, 0, slice(p, p + 1)) for p in (0, 2))
+    return 0.75 * (right - left)
 
 
 def jackknife(parts: Array) -> Array:

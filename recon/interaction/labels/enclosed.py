@@ -42,7 +42,8 @@ def enclosed_by_parts(
     """Masks (2, P, h, w) of what lies in the convex hull and box of a part's sure points (its frame).
 
     Between the walls of a drawer that slides there is no room for anything static. Sure is what references at
-    rest see through where it is now and see again where it was; scores are of the references alone.
+    rest see through where it is now and see again where it was; scores are of the references alone. What
+    surely stays while a part turns is none of it, a side panel beside a hinge.
     """
     size = voxel_size(views, noise)
     world = list(each(lambda v: world_points(v, camera, cameras.pose(v.frame)), views))
@@ -70,6 +71,8 @@ def enclosed_by_parts(
         inside = each(in_hull_of(with_box(shell, part, np.mean(eyes, axis=0))), points.values())
         for (v, p), held in zip(points.items(), inside, strict=True):
             out[v][k][views[v].depth > 0] = held
+            if part.joint.kind == "revolute":  # what slides looks as if it stayed: a drawer's bottom
+                out[v][k] &= ~sure[v][k + 1]
             if len(shell):
                 box = (p >= shell.min(axis=0) - size) & (p <= shell.max(axis=0) + size)
                 near[v][k][views[v].depth > 0] = box.all(axis=1)

@@ -36,7 +36,18 @@ def test_a_shift_is_told_where_both_sides_of_objects_show_it(place: float) -> No
 def test_a_scale_is_told_by_both_borders_of_the_picture() -> None:
     places = everywhere(0.0)
     places[0, :, 0], places[0, :, 2] = -4.0, 4.0
-    np.testing.assert_allclose(offset(table(places)).border, 6.0, atol=0.7)
+    where = offset(table(places))
+    np.testing.assert_allclose(where.border, 6.0, atol=0.7)
+    assert where.sigma[2] < 0.1
+
+
+def test_a_scale_that_few_of_the_times_show_is_not_known() -> None:
+    places = everywhere(0.0)
+    places[0, :, 0], places[0, :, 2] = -4.0, 4.0
+    told = table(places)
+    told.count[FRAMES // 4 :, :, 0, :, 2] = 0.0
+    told.score[FRAMES // 4 :, :, 0, :, 2] = 0.0
+    assert not np.isfinite(offset(told).sigma[2])
 
 
 def test_sides_that_meet_different_edges_tell_no_scale() -> None:

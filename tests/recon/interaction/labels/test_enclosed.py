@@ -1,0 +1,42 @@
+"""What lies within a part is its own, but what surely stays while the part turns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from recon.dense.noise import GOOD_SENSOR
+from recon.interaction.labels.enclosed import enclosed_by_parts
+from recon.interaction.labels.reference_frames import view
+from tests.makers.recon.cabinets import Kind, make_clip
+from twin.scene import STATIC_LABEL
+
+
+def held(kind: Kind, stays: bool) -> list[NDArray[np.bool_]]:
+    """Pixels (h, w) of static scene within a part whose every pixel is sure to have moved; stays: all of the
+    static scene is seen at its place at both ends."""
+    clip = make_clip(kind)
+    frames = sorted(clip.labels)
+    views = [view(clip.recording, f, 1) for f in frames]
+    scores, sure = [], []
+    for f in frames:
+        part, static = clip.labels[f] == 2, clip.labels[f] == STATIC_LABEL
+        scores.append(np.stack([np.zeros(part.shape), 3.0 * part, np.zeros(part.shape)]).astype(np.float32))
+        sure.append(np.stack([part, static & stays]))
+    found = enclosed_by_parts(
+        views, scores, sure, clip.cameras, (clip.part,), clip.recording.intrinsics, GOOD_SENSOR
+    )
+    return [e[0, 0] & (clip.labels[f] == STATIC_LABEL) for e, f in zip(found, frames, strict=True)]
+
+
+def test_what_stays_beside_a_hinge_is_none_of_the_door() -> None:
+    loose, sure = (sum(int(h.sum()) for h in held("door", stays)) for stays in (False, True))
+    assert loose > 50
+    assert sure == 0
+
+
+@pytest.mark.parametrize("kind", ["drawer"])
+def test_what_slides_looks_as_if_it_stayed_and_is_held_all_the_same(kind: Kind) -> None:
+    loose, sure = (sum(int(h.sum()) for h in held(kind, stays)) for stays in (False, True))
+    assert sure == loose > 0
