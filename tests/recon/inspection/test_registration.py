@@ -50,6 +50,15 @@ def test_a_scale_that_few_of_the_times_show_is_not_known() -> None:
     assert not np.isfinite(offset(told).sigma[2])
 
 
+@pytest.mark.parametrize(("apart", "told"), [(-3.0, False), (-0.5, True), (2.0, True), (9.0, False)])
+def test_objects_that_a_sensor_widens_tell_the_shift_and_others_do_not(apart: float, told: bool) -> None:
+    """A shadow before an object moves one of its sides."""
+    places = everywhere(0.0)
+    places[0, 0] -= apart / 2
+    places[0, 1] += apart / 2
+    assert np.isfinite(offset(table(places)).shift[0]).all() == told
+
+
 def test_sides_that_meet_different_edges_tell_no_scale() -> None:
     """A shadow 10 px beside an object at the left border, on one of its sides."""
     places = everywhere(0.0)
