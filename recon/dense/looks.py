@@ -18,11 +18,7 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
     h, w = depth.shape
     out = np.zeros(len(points), np.int8)
     for i in range(len(points)):
-        x, y, z = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
-        for k in range(3):
-            x += T_cam_world[0, k] * points[i, k]
-            y += T_cam_world[1, k] * points[i, k]
-            z += T_cam_world[2, k] * points[i, k]
+        x, y, z = _ahead(T_cam_world, points[i])
         if z < 0.1:
             continue
         u, v = int(np.rint(x / z * fx + cx)), int(np.rint(y / z * fy + cy))
@@ -67,11 +63,7 @@ def drawn(points, side, T_cam_world, shape, every, camera):  # type: ignore[no-u
     fx, fy, cx, cy = camera
     out = np.full((h, w), np.float32(np.inf))
     for i in range(len(points)):
-        x, y, z = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
-        for k in range(3):
-            x += T_cam_world[0, k] * points[i, k]
-            y += T_cam_world[1, k] * points[i, k]
-            z += T_cam_world[2, k] * points[i, k]
+        x, y, z = _ahead(T_cam_world, points[i])
         if z < 0.1:
             continue
         u, v, half = x / z * fx + cx, y / z * fy + cy, 0.5 * side / z * max(fx, fy)
@@ -79,3 +71,14 @@ def drawn(points, side, T_cam_world, shape, every, camera):  # type: ignore[no-u
             for a in range(max(int(np.ceil((u - half) / every)), 0), min(int((u + half) / every) + 1, w)):
                 out[b, a] = min(out[b, a], z)
     return out
+
+
+@njit(cache=True, nogil=True)
+def _ahead(T_cam_world, point):  # type: ignore[no-untyped-def]
+    """A world point (3,) in the camera."""
+    x, y, z = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
+    for k in range(3):
+        x += T_cam_world[0, k] * point[k]
+        y += T_cam_world[1, k] * point[k]
+        z += T_cam_world[2, k] * point[k]
+    return x, y, z

@@ -33,9 +33,6 @@ _NO_PEAK = 3.5
 # px from the peak where objects begin to that where they end: sensors widen objects, by .6 to 2.8 px in nine
 # recordings (looked at). Chosen by us
 _APART = (-1.0, 6.0)
-# px from the peak where objects begin to that where they end: sensors widen objects, by .6 to 2.8 px in nine
-# recordings (looked at). Chosen by us
-_APART = (-1.0, 6.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standar
 # rad of a slide's axis to its front's normal, one standard deviation: runners have play. Chosen by us
 _SQUARE = np.radians(1.0)
 # rad, limit of the same. Chosen by us
-ASKEW = np.radians(3.0)
+_ASKEW = np.radians(3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def _front_errors(joint: Joint, state: Array, front: FrontTie) -> BoardErrors:
     rows = np.zeros((2, joint.dof + len(state)))
     for k, b in enumerate(geo.orthogonal_basis(joint.axis)[:, :2].T):
         rows[:, k] = lever * aside @ np.cross(b, joint.axis)
-    limit = lever * float(np.sin(ASKEW))
+    limit = lever * float(np.sin(_ASKEW))
     beyond = away * max(0.0, 1.0 - limit / max(float(np.linalg.norm(away)), 1e-12))
     return BoardErrors(beyond, away, rows, np.full(2, lever * _SQUARE), loose=limit)
 
