@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -133,7 +134,7 @@ def _hand_points(
     step = max(1, round(recording.intrinsics.width / _COLUMNS))
     found = []
     for frame, pose in T_part_cam.items():
-        is_hand = labels[frame][::step, ::step] == HAND_LABEL
+        is_hand = _largest_piece(labels[frame] == HAND_LABEL)[::step, ::step]
         if np.count_nonzero(is_hand) < _MIN_POINTS:
             continue
         depth = recording.depth(frame)[::step, ::step]
@@ -145,6 +146,13 @@ def _hand_points(
         close = np.isfinite(distance)
         found.append(HandPoints(points[close], np.full(int(close.sum()), frame), distance[close]))
     return _joined(found)
+
+
+def _largest_piece(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The largest connected piece (H, W): the arm. The part's own rims may be labelled as hand too."""
+    _, pieces, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    stats[0, cv2.CC_STAT_AREA] = 0  # the background
+    return np.asarray(mask & (pieces == np.argmax(stats[:, cv2.CC_STAT_AREA])))
 
 
 def _T_part_cam(

@@ -20,7 +20,7 @@ from tests.makers.recon.cabinets import BAR, FRAMES, Clip, Grip, Kind, make_clip
 from tests.makers.recon.tiny import box, merged
 from twin import geometry as geo
 from twin.errors import ConfigError
-from twin.scene import ContactPath, Mesh, Motion, Prismatic, Trajectory
+from twin.scene import HAND_LABEL, ContactPath, Mesh, Motion, Prismatic, Trajectory
 
 DEFAULT = ContactConfig()
 BAR_M = 0.03  # how far off a contact may be; most are within 1 cm
@@ -98,6 +98,20 @@ def test_a_hand_elsewhere_is_no_contact() -> None:
     away = clip.mesh.transformed(geo.make_pose(translation=[0, 1.0, 0]))
     with pytest.warns(UserWarning, match="no hand"):
         assert find_contact(clip.recording, clip.cameras, clip.labels, clip.part, away) is None
+
+
+@pytest.mark.parametrize("kind", ["door", "drawer"])
+def test_a_rim_that_is_labelled_as_hand_is_no_hand(kind: Kind) -> None:
+    """The part's outermost pixels on the side away from the arm, in every frame."""
+    clip = make_clip(kind)
+    labels = {}
+    for frame, label in clip.labels.items():
+        of_part, rim = label == clip.part.id, label.copy()
+        rows = np.nonzero(of_part.any(axis=1))[0]
+        rim[rows[0] : rows[0] + 4][of_part[rows[0] : rows[0] + 4]] = HAND_LABEL
+        labels[frame] = rim
+    assert sum(int(np.sum(labels[f] != clip.labels[f])) for f in labels) > 500
+    assert error(clip, contact_of(replace(clip, labels=labels))) < 0.02
 
 
 def test_a_bar_whose_middle_was_never_seen_is_still_held_there() -> None:
