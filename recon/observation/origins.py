@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.looks import HIDDEN, SAME, THROUGH
+from recon.dense.looks import UNKNOWN as UNSEEN
 from recon.observation.pictures import Pictures
 from twin.runs.threads import each
 
-# What is known of a pixel's surface. AMID: of something that moves, and new to the first and the last row.
+# What is known of a pixel's surface. AMID: of something that moves, and is there neither in the first nor in
+# the last row, as far as these see its place.
 UNKNOWN, STATIC, NEW, AMID = 0, 1, 2, 3
 # All chosen by us. Rows that are asked beside the first and the last one.
 _OTHERS = 14
@@ -39,7 +41,7 @@ def origins(pictures: Pictures) -> NDArray[np.uint8]:
             seen, end = pictures.look(points, other, _SIGMAS, _LEAST_M), other in (0, count - 1)
             through += (2 if end else 1) * (seen == THROUGH)
             same += (2 if end else 1) * (seen == SAME)
-            amid &= (seen == THROUGH) | (not end)
+            amid &= (seen == THROUGH) | (seen == UNSEEN) | (not end)
             hidden |= (seen == HIDDEN) & end
         out = np.zeros(known.shape, np.uint8)
         moves = through >= _LOOKS

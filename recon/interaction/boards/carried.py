@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.dense.looks import SAME
 from recon.interaction.boards.carrier import Carrier, Shared
 from recon.interaction.boards.proposals import Proposed
 from recon.interaction.joints.observations import Kind
@@ -40,6 +41,8 @@ _ROUNDS = (
     (np.deg2rad(0.4), 0.006, 0.25),
 )
 _IMPOSSIBLE = -1e9
+# Share of a surface that is seen where it comes back to.
+_BACK = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +170,14 @@ class Carried:
             np.array(gains),
             worth * self.shared.prior(joint.axis, self.carriers[0].normal),
         )
+
+    def comes_back(self, fine: Explained) -> bool:
+        """Whether the leading surface is seen in the first or the last row, where states of all rows say: a
+        hand that came and went is nowhere then."""
+        leading = self.carriers[0]
+        ends = (0, len(fine.state) - 1)
+        poses = fine.joint.poses(fine.state[list(ends)] - fine.state[leading.seed.rest])
+        return any((leading.seen(p, r) == SAME).mean() > _BACK for p, r in zip(poses, ends, strict=True))
 
     def taken_out(self, fine: Explained) -> Shared:
         """What is left for another part: what these explain by states of all rows is static to others."""

@@ -128,6 +128,10 @@ class Carrier:
         """Base (m) and slope (1/m) of depths that agree."""
         return self.shared.pictures.gates(_SIGMAS, _LEAST_M)
 
+    def seen(self, pose: Array, row: int) -> NDArray[np.int8]:
+        """What a row says of its points (n,) at a pose (4, 4): see `recon.dense.looks.look`."""
+        return self.shared.pictures.look(geo.transform(pose, self.points), row, _SIGMAS, _LEAST_M)
+
     def along(self, poses: Array, rows: NDArray[np.int64]) -> Array:
         """The same (rows,) at one pose (rows, 4, 4) each."""
         return self.scores(poses[:, None], rows)[:, 0]

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from recon.interaction.boards.board import extents
 from recon.interaction.boards.carried import Carried, Explained
 from recon.interaction.boards.carrier import POINTS, Carrier, Shared
+from recon.interaction.boards.meanwhile import MEANWHILE, together
 from recon.interaction.boards.proposals import Proposed, along_room, proposed_joints
-from recon.interaction.boards.seeds import Seed, informative_rows, seed_at, seeds
+from recon.interaction.boards.seeds import Seed, came_and_went, informative_rows, seed_at, seeds
 from recon.interaction.joints.observations import Kind, Model
 from recon.interaction.joints.sign_and_limits import Oriented, orient, smoothed
-from recon.observation.origins import origins
+from recon.observation.origins import STATIC, UNKNOWN, origins
 from recon.observation.pictures import Pictures
 from recon.observation.room import room_directions
 from recon.recording import Recording
@@ -39,6 +40,8 @@ _ALIKE_AXIS, _ALIKE_M = np.radians(4.0), 0.04
 _LAST_ROUNDS = 3
 # Fewest frames of a search.
 _FEWEST_FRAMES = 8
+# Most parts that come back to where they were.
+_RETURNS = 3
 # Least gain of the leading surface over leaving to somewhere unknown, as a share of its pixels.
 LEAST = 0.015
 # The same of a further surface of the part.
@@ -51,18 +54,12 @@ _FURTHER = 0.3
 _IN_TURN = 0.1
 # By how much that share grows with the share of frames in which both move.
 _PER_SHARE = 0.2
-# Share of a part's moving frames in which another part moves, from which the two move together.
-MEANWHILE = 0.5
-# Share of a part's fastest step from which the part moves.
-_CREEPS = 0.1
 # Ratio by which a hinge must explain more than a slide, for its two further unknowns.
 _SIMPLER = 1.02
 # Standard deviation of a state, rad or m: the search's grid.
 SIGMA = {"revolute": np.radians(1.5), "prismatic": 0.008}
-# The same of the axis, rad.
-_SIGMA_AXIS = np.radians(2.0)
-# The same of the pivot, m.
-_SIGMA_PIVOT = 0.02
+# The same of the axis, rad, and of the pivot, m.
+_SIGMA_AXIS, _SIGMA_PIVOT = np.radians(2.0), 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +104,7 @@ def parts_by_depth(
     shared = _shared(recording, cameras)
     if shared is None:
         return []
-    pictures = shared.pictures
+    pictures, static = shared.pictures, shared.origin == STATIC
     left = _changed(pictures)
     grown = {}
     for k, seed in enumerate(left):
@@ -123,7 +120,32 @@ def parts_by_depth(
         found.append(part)
         shared = part.carried.taken_out(fine)
         left = [s for s in left if not _of(s, part.carried)]
+    for _ in range(_RETURNS):
+        back = _returning(shared, static, recording, known)
+        if back is None:
+            break
+        part, fine = back
+        found.append(part)
+        shared = part.carried.taken_out(fine)
     return _worth_telling(sorted(found, key=lambda p: -p.score))
+
+
+def _returning(
+    shared: Shared, static: NDArray[np.bool_], recording: Recording, known: Sequence[Proposed]
+) -> tuple[DepthPart, Explained] | None:
+    """A part that no part found so far explains and that rests in the first and the last row alike.
+
+    static: pixels (T, h, w) that rest in all rows; where it rests, they are its own.
+    """
+    left = came_and_went(shared.pictures, shared.origin)
+    if not left:
+        return None
+    origin = np.where(static, UNKNOWN, shared.origin).astype(np.uint8)
+    shared = replace(shared, origin=origin, rows=np.union1d(shared.rows, [s.rest for s in left]))
+    boards = [extents(shared.pictures, recording, seed) for seed in left]
+    grown = {id(b[0]): b for b in boards}
+    part, fine = _Round(shared, [b[0] for b in boards], grown, known, len(left)).part()
+    return (part, fine) if part is not None and part.carried.comes_back(fine) else None
 
 
 def part_at(
@@ -272,25 +294,6 @@ def _worth_telling(found: Sequence[DepthPart]) -> list[DepthPart]:
         if share >= _FURTHER or in_turn:
             out.append(part)
     return out
-
-
-def together(state: Array, other: Array) -> float:
-    """Share of the frames of change of states (n,) in which others (n,) change, too."""
-    moves = moving(state)
-    return float(moving(other)[moves].mean()) if moves.any() else 1.0
-
-
-def moving(state: Array) -> NDArray[np.bool_]:
-    """The frames (n,) of change of states (n,)."""
-    steps = np.abs(np.gradient(state))
-    return np.asarray(steps > _CREEPS * steps.max())
-
-
-def carried_along(state: Array, other: Array) -> float:
-    """How far states (n,) go with others (n,), over how far those go: 1 if carried along."""
-    mine, its = np.gradient(state), np.gradient(other)
-    moves = np.abs(its) > _CREEPS * np.abs(its).max()
-    return float(mine[moves] @ np.sign(its[moves])) / max(float(np.abs(its[moves]).sum()), 1e-12)
 
 
 def _worth(explained: Explained) -> float:

@@ -12,10 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.dense.depth import depth_normals
 from recon.dense.looks import THROUGH
 from recon.interaction.boards.arms import is_arm
 from recon.observation.origins import AMID
 from recon.observation.pictures import Pictures
+from twin import geometry as geo
 from twin.geometry import Array
 
 # All chosen by us. Least gap in standard deviations of noise.
@@ -28,8 +30,16 @@ _SPANS = 2
 _LONG = 3
 # Least share of the picture that a part's surface has.
 _SHARE = 0.004
+# The same of one seen between the ends alone, where arms are: a front of 22 by 11 cm at 1.2 m.
+_SHARE_BETWEEN = 0.015
 # Most surfaces of each end of the recording.
 _MOST = 4
+# Most surfaces amid the recording that are asked whether they are an arm.
+_ASKED = 40
+# Share of a surface that an equal one of another row covers.
+_COVERED = 0.5
+# m from a plane, and cosine of the slope, within which pixels are of it; how many planes are tried.
+_ON_PLANE_M, _ALONG_PLANE, _PLANES = 0.02, 0.85, 50
 # px of the window about a pixel of unknown depth, most of whose known pixels left.
 _AMONG = 5
 # Least jump of depth (m) per pixel where a surface ends before another one.
@@ -73,13 +83,62 @@ def seeds(pictures: Pictures, rest: int) -> list[Seed]:
     spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
     left = np.zeros(known.shape, np.uint8)
     left[known] = spans >= _SPANS
+    pieces = _pieces(left, depth)
+    found = [Seed.of(pictures, rest, pieces == k) for k in _large(pieces)]
+    return [s for s in found if not _on_arm(s, pictures)]
+
+
+def _pieces(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Numbers (h, w) of the pieces of surface of a mask, 0 elsewhere; jumps of depth part them."""
     solid = _filled(left, depth) & ~_torn(depth)
     opened = cv2.morphologyEx(solid, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    piece = np.where(left > 0, cv2.connectedComponents(opened, connectivity=4)[1], 0)
-    area = np.bincount(piece.ravel())[1:]
-    large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:_MOST] if area[k] >= _SHARE * left.size]
-    found = [Seed.of(pictures, rest, piece == k) for k in large]
-    return [s for s in found if not is_arm(s.mask, depth, s.points)]
+    return np.where(left > 0, cv2.connectedComponents(opened, connectivity=4)[1], 0).astype(np.int32)
+
+
+def _large(pieces: NDArray[np.int32]) -> list[int]:
+    """The numbers of the largest pieces that may be a part's surface."""
+    area = np.bincount(pieces.ravel())[1:]
+    most = np.argsort(-area, kind="stable")[:_MOST]
+    return [int(k) + 1 for k in most if area[k] >= _SHARE * pieces.size]
+
+
+def came_and_went(pictures: Pictures, origin: NDArray[np.uint8]) -> list[Seed]:
+    """The largest flat surfaces that are AMID by `origin` (T, h, w), each in one row: a part that is opened
+    and closed again rests in the first and the last row alike."""
+    masks = []
+    for row in range(1, len(pictures.frames) - 1):
+        pieces = _pieces((origin[row] == AMID).astype(np.uint8), pictures.depth[row])
+        masks += [(row, pieces == k) for k in _large(pieces)]
+    largest = sorted(masks, key=lambda m: -np.count_nonzero(m[1]))[:_ASKED]
+    found: list[Seed] = []
+    for flat in sorted((_flat(mask, row, pictures) for row, mask in largest), key=lambda s: -len(s.points)):
+        again = any((s.mask & flat.mask).sum() > _COVERED * len(flat.points) for s in found)
+        large = len(flat.points) >= _SHARE_BETWEEN * flat.mask.size
+        if len(found) < _MOST and large and not again and not _on_arm(flat, pictures):
+            found.append(flat)
+    return found
+
+
+def _on_arm(seed: Seed, pictures: Pictures) -> bool:
+    return is_arm(seed.mask, pictures.depth[seed.rest], seed.points)
+
+
+def _flat(mask: NDArray[np.bool_], row: int, pictures: Pictures) -> Seed:
+    """The largest piece of a mask that lies on one plane by place and slope: a hand that holds a front is of
+    one piece with it, and planes through both hold a strip of each."""
+    depth, points = pictures.depth[row], pictures.points(row)
+    normals = geo.rotate(
+        pictures.T_world_cam[row], depth_normals(depth, pictures.camera, float(depth.max()) + 1.0)
+    )
+    sloped = mask & np.isfinite(normals[..., 0])
+    flat = np.zeros_like(mask)
+    p, n = points[sloped], normals[sloped]
+    tried = np.random.default_rng(0).choice(len(p), min(_PLANES, len(p)), replace=False)
+    on = [(np.abs((p - p[k]) @ n[k]) < _ON_PLANE_M) & (n @ n[k] > _ALONG_PLANE) for k in tried]
+    if on:
+        flat[sloped] = max(on, key=np.count_nonzero)
+    pieces = _pieces(flat.astype(np.uint8), depth)
+    return Seed.of(pictures, row, pieces == next(iter(_large(pieces)), -1))
 
 
 def seed_at(pictures: Pictures, row: int, x: int, y: int) -> Seed | None:

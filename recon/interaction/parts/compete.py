@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.interaction.boards.meanwhile import moving
 from recon.interaction.boards.proposals import Proposed
-from recon.interaction.boards.search import SIGMA, DepthPart, moving, parts_by_depth
+from recon.interaction.boards.search import SIGMA, DepthPart, parts_by_depth
 from recon.interaction.joints.config import LIMIT_QUANTILE, SEARCH_SIGMA
 from recon.interaction.joints.inliers import track_support
 from recon.interaction.joints.observations import Model, Observations

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from recon.interaction.boards.search import MEANWHILE, carried_along, part_at, together
+from recon.interaction.boards.meanwhile import MEANWHILE, carried_along, together
+from recon.interaction.boards.search import part_at
 from recon.interaction.joints.config import LIMIT_QUANTILE
 from recon.interaction.joints.observations import Kind
 from recon.interaction.joints.sign_and_limits import smoothed

@@ -114,3 +114,29 @@ def test_a_part_that_is_in_view_for_a_fifth_of_the_time_is_found() -> None:
     assert part.joint.kind == "prismatic"
     assert np.degrees(geo.line_angle(part.joint.axis, [0.0, 0.0, 1.0])) < 8.0
     assert np.ptp(part.state) == pytest.approx(0.12, abs=0.02)
+
+
+def pulled_and_pushed(way: float, arm: bool) -> list[NDArray[np.float32]]:
+    """A drawer's front comes out by `way`, rests and goes back; an arm that touches it is there meanwhile."""
+    out = np.interp(np.arange(FRAMES), [5, 9, 14, 18], [0, 1, 1, 0])
+    depth = []
+    for k in range(FRAMES):
+        d = depth_of(-0.2, 0.2, NEAR - way * out[k])
+        on = (np.abs(U - 80) < 12) & (V > 60) & (4 <= k <= 19) & arm
+        # from the front to the viewer
+        depth.append(np.where(on, NEAR - way * out[k] - 0.009 * (V - 60), d).astype(np.float32))
+    return depth
+
+
+@pytest.mark.parametrize("arm", [False, True], ids=["alone", "with an arm"])
+def test_a_drawer_that_is_pulled_and_pushed_back_is_found_between(arm: bool) -> None:
+    """The first and the last row are alike, and nothing is seen through where it rests in them."""
+    (part,) = parts_by_depth(*recorded(pulled_and_pushed(0.15, arm)))
+    assert part.joint.kind == "prismatic"
+    assert np.degrees(geo.line_angle(part.joint.axis, [0.0, 0.0, 1.0])) < 3.0
+    assert np.ptp(part.state) == pytest.approx(0.15, abs=0.015)
+    assert abs(part.state[-1]) < 0.01
+
+
+def test_an_arm_that_comes_and_goes_is_no_part() -> None:
+    assert not parts_by_depth(*recorded(pulled_and_pushed(0.0, arm=True)))
