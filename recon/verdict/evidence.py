@@ -15,12 +15,10 @@ from recon.recording import Recording
 from recon.verdict.bare_borders import bare_border
 from recon.verdict.camera_drift import camera_drift
 from recon.verdict.explained import static_seen_through, unexplained
-from recon.verdict.halves import Halves, Whole, halves, whole
 from recon.verdict.hand_visits import idle_visit
 from recon.verdict.hands import false_hand, resting_hand
 from recon.verdict.in_motion import InMotion, in_motion
 from recon.verdict.lost_labels import least_labelled
-from recon.verdict.own_tracks import without_hand
 from recon.verdict.places import Places, places
 from recon.verdict.posed import PosedTwin
 from twin.scene import Mesh, Trajectory
@@ -115,19 +113,3 @@ class PartEvidence:
         if not self.part.motion.intervals:
             return None
         return bare_border(self.scene.posed, self.part, self.scene.labels)
-
-    @cached_property
-    def own_tracks(self) -> PartTracks:
-        """Its tracks without those on a hand."""
-        s = self.scene
-        return without_hand(self.tracks, s.found.movers, s.recording.intrinsics, s.cameras, s.labels)
-
-    @cached_property
-    def halves(self) -> Halves | None:
-        """The joint of either half of its motion; None where one is too short."""
-        return halves(self.scene.found.movers, self.part, self.own_tracks)
-
-    @cached_property
-    def whole(self) -> Whole | None:
-        """The axis by all of its tracks; None where they are too few."""
-        return whole(self.scene.found.movers, self.part, self.own_tracks)

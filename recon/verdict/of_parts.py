@@ -12,7 +12,6 @@ from recon.verdict.doubt import SURELY, Doubt, above, below
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_video import (
-    as_its_tracks,
     contradicted,
     ends_at_edges,
     hand_is_one,
@@ -20,12 +19,9 @@ from recon.verdict.of_video import (
     labelled_at_ends,
     motion_explained,
     motion_seen,
-    same_in_halves,
     seen_through,
     seen_to_move,
 )
-from recon.verdict.track_drift import track_drift
-from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Motion
 from twin.verdict import reason
@@ -43,8 +39,6 @@ CLOSED = 0.95
 CAMERAS, CAMERAS_LOST = 0.02, 0.05
 # m that the path may be aside by one sigma, half of the limit of success.
 PIVOT = 0.01
-# Least ratio of the part's travel to the apparent motion of resting tracks between the rests around.
-DRIFT = 5.0
 # Greatest share of the frames in which the part moves: a recording needs rest before and after.
 RESTLESS = 0.9
 # rad and m by which the state may change at rest. Right: up to 1 deg in 30, 4 mm; wrong: 5 deg, 29 mm.
@@ -53,12 +47,6 @@ CREEP_TURN, CREEP_SLIDE = np.radians(2.5), 0.01
 SMALL = 0.005
 # Greatest share of the picture at rest with another depth than the twin's. Right: 0 in eleven.
 UNEXPLAINED = 0.002
-# Least share of the area that moves across itself. Sliding panels have .02 to .1, doors and drawers above .6.
-ACROSS = 0.25
-# Least sine of the way to the surface for motion across.
-ACROSS_SINE = 0.25
-# Share of the range on either side of its middle for that way.
-AJAR = 0.05
 # Greatest share of a frame's picture. Right: 0 in 27, .0005 in one; .0036 if a missed part leaves the view.
 STATIC_THROUGH = 0.001
 # Label images. Each of two may show the moment at which another part moved.
@@ -147,37 +135,11 @@ def _at_rest(motion: Motion) -> list[Array]:
     return [s for s in out if len(s) >= 3]
 
 
-def drift(e: PartEvidence) -> Doubt | None:
-    """The part's travel against the drift of the static scene; None if too few tracks see both rests."""
-    drifted = track_drift(e.part.motion, e.scene.found.movers)
-    if drifted is None or e.mesh is None or not len(e.mesh.vertices):
-        return None
-    joint = e.part.joint
-    ends = (geo.transform(joint.pose(s), e.mesh.vertices) for s in (joint.lower, joint.upper))
-    travel = float(np.median(np.linalg.norm(np.subtract(*ends), axis=1)))
-    return below("WithinDrift", travel / max(drifted, 1e-12), DRIFT, travel, drifted)
-
-
 def surface(e: PartEvidence) -> Doubt | None:
     """The part's mesh."""
     if e.mesh is None or not len(e.mesh.faces):
         return Doubt(reason("NoSurface", "refused"), SURELY)
     return below("SmallSurface", e.mesh.area, SMALL)
-
-
-def across_itself(e: PartEvidence) -> Doubt | None:
-    """How much of the surface moves across itself; None if the joint is by tracks."""
-    if e.tracks.type_source != "depth" or e.mesh is None or not len(e.mesh.faces):
-        return None
-    joint = e.part.joint
-    closed, ajar = (
-        geo.transform(joint.pose(joint.lower + share * (joint.upper - joint.lower)), e.mesh.vertices)
-        for share in (0.5 - AJAR, 0.5 + AJAR)
-    )
-    normals, area = geo.triangle_normals(closed[e.mesh.faces])
-    way = (ajar - closed)[e.mesh.faces].mean(axis=1)
-    sine = np.abs(np.sum(normals * way, axis=1)) / np.maximum(np.linalg.norm(way, axis=1), 1e-12)
-    return below("AlongItself", float(area[sine > ACROSS_SINE].sum() / max(float(area.sum()), 1e-12)), ACROSS)
 
 
 def labelled(e: PartEvidence) -> Doubt | None:
@@ -206,6 +168,6 @@ def static_stays(e: PartEvidence) -> Doubt | None:
 
 
 OF_PARTS = (
-    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, rests_still, surface, across_itself, seen_to_move, contradicted, labelled, labelled_at_ends, ends_at_edges, hand_is_one, hand_moves_something, explained, static_stays,
-    seen_through, motion_explained, motion_seen, same_in_halves, as_its_tracks,
+    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, rests, rests_still, surface, seen_to_move, contradicted, labelled, labelled_at_ends, ends_at_edges, hand_is_one, hand_moves_something, explained, static_stays,
+    seen_through, motion_explained, motion_seen,
 )  # fmt: skip

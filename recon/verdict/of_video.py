@@ -1,4 +1,4 @@
-"""Evidence against a part that its fit did not use: depth in its motion, its two halves, false hands.
+"""Evidence against a part that its fit did not use: depth in its motion, labels, false hands.
 
 The limits are what right parts keep to, chosen by us on recordings that we looked at, as the figures below;
 what a number beyond one is worth is calibrated (`recon.verdict.posterior`).
@@ -10,7 +10,6 @@ import numpy as np
 
 from recon.verdict.doubt import Doubt, above, below
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.halves import Halves, Whole
 from twin.verdict import reason
 
 # Greatest ratio of pixels seen through to the part's own. Right: 0 in all, .0009 with stereo depth. Wrong:
@@ -31,25 +30,6 @@ TOLD = 0.3
 # Greatest share of the area that is seen to be absent, or to stay. Right: 0 to .03 in 30. Wrong: .11 to .23
 # in four, less in parts that are hidden behind their mislabelled surroundings.
 CONTRADICTED = 0.1
-# rad and m by which axes and hinges of the halves may differ. Right: up to 4 deg where they answer, 37 mm.
-HALVES_AXIS, HALVES_PIVOT = np.radians(10.0), 0.05
-# rad and m. The halves answer if `_SIGMAS` standard deviations of their difference are within these. The
-# second is narrower, as the sigma leaves out the drift of tracks: right runs differ by up to nine sigmas.
-SURE_AXIS, SURE_PIVOT = np.radians(10.0), 0.02
-_SIGMAS = 3.0
-# Least ratio of the tracks' scatter about the part's joint to that about a half's own joint. Below, the
-# halves differ where drifting tracks are blind: 1.02 and 1.09 in two right parts, 1.25 and more if wrong.
-AS_WELL = 1.15
-# rad within which the axes of the halves agree.
-AGREED = np.radians(3.0)
-# rad and m by which halves that agree may differ from the part's joint. Right: up to 2.3 deg in twelve, 18 mm
-# in six. Wrong: 8.2 deg in a drawer whose plain front slipped sideways, 55 mm in one cut outline.
-TRACKS_AXIS, TRACKS_PIVOT = np.radians(4.0), 0.025
-# rad. Greatest sigma of the axis by the tracks of the whole motion.
-WHOLE_SURE = np.radians(1.0)
-# rad by which that axis may differ from the part's, if the scatter's ratio is above `AS_WELL`. Right: up to
-# 2.8 deg in 160. Wrong: 3.8 in a plain front that slipped sideways, and 9.9.
-WHOLE_AXIS = np.radians(3.5)
 # Least intersection over union of the part's labels and the twin's pixels, in half of the frames at an end of
 # the travel. Right and trusted: .79 to .99 in 47. Wrong: 0 to .48 in 14.
 LABELLED = 0.8
@@ -106,56 +86,6 @@ def seen_to_move(e: PartEvidence) -> Doubt | None:
 def contradicted(e: PartEvidence) -> Doubt | None:
     """How much of its surface is seen not to move with it: wall, table or neighbour labelled part."""
     return None if e.places is None else above("SurfaceContradicted", e.places.contradicted, CONTRADICTED)
-
-
-def _telling(halves: Halves | None) -> Halves | None:
-    """The halves where their axes are known and the part's joint is worse for their tracks than theirs."""
-    if halves is None or _SIGMAS * halves.axis_sigma > SURE_AXIS or halves.worse <= AS_WELL:
-        return None
-    return halves
-
-
-def _sure_pivot(halves: Halves) -> float | None:
-    """Distance (m) of the halves' hinges; None if unsure."""
-    sigma = halves.pivot_sigma
-    return None if sigma is None or _SIGMAS * sigma > SURE_PIVOT else halves.pivot
-
-
-def same_in_halves(e: PartEvidence) -> Doubt | None:
-    """Whether both halves of the motion show the same joint; None if one is too short."""
-    h = _telling(e.halves)
-    if h is None:
-        return None
-    pivot = _sure_pivot(h) or 0.0
-    return _joints_differ("HalvesDisagree", h.axis, HALVES_AXIS, pivot, HALVES_PIVOT)
-
-
-def _joints_differ(type: str, axis: float, most: float, pivot: float, farthest: float) -> Doubt | None:
-    """The doubt about two joints by the angle of their axes, rad, and the distance of their hinges, m."""
-    times = max(axis / most, pivot / farthest)
-    told = float(np.rad2deg(axis)), float(np.rad2deg(most)), pivot, farthest
-    return Doubt(reason(type, "doubtful", *told), times) if times > 1.0 else None
-
-
-def _another(whole: Whole | None) -> float:
-    """By how much, rad, the axis by the tracks of the whole motion differs, if they tell another one."""
-    if whole is None or whole.sigma > WHOLE_SURE or whole.worse <= AS_WELL:
-        return 0.0
-    return whole.off
-
-
-def as_its_tracks(e: PartEvidence) -> Doubt | None:
-    """Whether the part's tracks agree with its axis and its hinge: all of them, or both halves."""
-    off = _another(e.whole)
-    if off > WHOLE_AXIS:
-        return _joints_differ("TracksDisagree", off, WHOLE_AXIS, 0.0, TRACKS_PIVOT)
-    h = _telling(e.halves)
-    if h is None:
-        return None
-    distance = _sure_pivot(h)
-    pivot = h.off_pivot if distance is not None and distance <= SURE_PIVOT else 0.0
-    axis = h.off if h.axis <= AGREED else 0.0
-    return _joints_differ("TracksDisagree", axis, TRACKS_AXIS, pivot, TRACKS_PIVOT)
 
 
 def ends_at_edges(e: PartEvidence) -> Doubt | None:

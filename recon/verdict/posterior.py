@@ -14,14 +14,13 @@ from recon.verdict.doubt import SURELY, Doubt
 from twin.verdict import Verdict
 
 # Log odds of a part without a doubt.
-SOUND = 4.46
+SOUND = 4.41
 # What a doubt of each type takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
     "AxisUnsure": 1.20,
-    "PivotUnsure": 1.19,
+    "PivotUnsure": 1.18,
     "RangeUnsure": 1.20,
     "TooShort": 1.20,
-    "WithinDrift": 1.20,
     "NeverRests": 1.20,
     "ClosedEndUnsure": 1.12,
     "CreepsAtRest": 1.25,
@@ -29,18 +28,15 @@ WEIGHTS: Mapping[str, float] = {
     "HandWhereNobodyIs": 1.18,
     "HandMovesNothing": 1.13,
     "SmallSurface": 1.20,
-    "SurfaceUnseen": 1.23,
+    "SurfaceUnseen": 1.22,
     "SurfaceContradicted": 1.20,
-    "AlongItself": 1.10,
     "BareBorder": 1.24,
     "LabelledElsewhere": 0.92,
     "StaticSeenThrough": 1.20,
-    "Unexplained": 1.62,
+    "Unexplained": 1.61,
     "SeenThrough": 1.20,
     "MotionUnexplained": 1.20,
     "MotionUnseen": 0.33,
-    "HalvesDisagree": 1.18,
-    "TracksDisagree": 1.20,
     "FewLabels": 1.20,
     "MovesWithDoubted": 1.20,
 }

@@ -22,20 +22,6 @@ def reason(type: str, level: Level, *values: Any) -> Reason:
     return Reason.told(REASONS, type, *values, level=level)
 
 
-def _halves(n: Numbers) -> str:
-    if n["axis_deg"] > n["axis_limit_deg"]:
-        return "{kind}: their axes differ by {axis_deg:.1f}° (at most {axis_limit_deg:g}°)"
-    return "{kind}: their hinges are {pivot_m:.0f mm} apart (at most {pivot_limit_m:g mm})"
-
-
-def _tracks(n: Numbers) -> str:
-    if n["pivot_m"] > n["pivot_limit_m"]:
-        away = "a hinge {pivot_m:.0f mm} away in both halves of its motion (at most {pivot_limit_m:g mm})"
-    else:
-        away = "an axis {axis_deg:.1f}° away (at most {limit_deg:g}°)"
-    return f"its tracks tell {away}"
-
-
 def _labels(n: Numbers) -> str:
     if not n["frames"]:
         return "none of {labelled} labelled frames shows it"
@@ -88,13 +74,6 @@ REASONS: Mapping[str, Words] = {
         "nothing says how well its joint is known",
         "{kind}",
         f"open it farther, with all of it in view, or {POINT_AT_IT}",
-    ),
-    "WithinDrift": Words(
-        "travel_m drift_m limit",
-        "it hardly moves more than what stands still seems to",
-        "it moves by {travel_m:.0f mm}, and what stands still seems to move by {drift_m:.1f mm} meanwhile "
-        "(at most 1/{limit:g} of it)",
-        f"move the camera slower, keep more of the room in view, or {CUT}",
     ),
     "NeverRests": Words(
         "share limit",
@@ -157,13 +136,6 @@ REASONS: Mapping[str, Words] = {
         "{share:.0f %} of its surface is seen not to move with it (at most {limit:g %})",
         f"{POINT_AT_IT}, or {CUT}",
     ),
-    "AlongItself": Words(
-        "across limit",
-        "it slides along its own surface and has no texture",
-        "it slides along its own surface ({across:.0f %} of it moves across itself, at least {limit:g %}), "
-        "which has too little texture to tell how far",
-        f"stick something with a pattern on it, with its borders in view, or {POINT_AT_IT}",
-    ),
     "BareBorder": Words(
         "frame share limit",
         "its border is no edge: a piece of it, or of what is beside it, is labelled wrong",
@@ -206,18 +178,6 @@ REASONS: Mapping[str, Words] = {
         "its surface is hardly seen to move",
         "as it moves, {share:.1f %} of its pixels are seen to come nearer or to go farther (at least {limit:g %})",
         f"open it farther, seen from where it comes towards the camera or goes away from it, or {POINT_AT_IT}",
-    ),
-    "HalvesDisagree": Words(  # 0 for a difference that is not known, here and in the next
-        "axis_deg axis_limit_deg pivot_m pivot_limit_m",
-        "the halves of its motion show different joints",
-        _halves,
-        f"open it slower, with all of it in view all the time, or {CUT}, or {POINT_AT_IT}",
-    ),
-    "TracksDisagree": Words(
-        "axis_deg limit_deg pivot_m pivot_limit_m",
-        "its tracks tell another joint",
-        _tracks,
-        f"open it farther, with all of it and its borders in view, or {POINT_AT_IT}",
     ),
     "FewLabels": Words(
         "frames labelled limit",

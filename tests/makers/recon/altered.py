@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from recon.interaction.parts.find_parts import FoundParts
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.in_motion import InMotion
 from recon.verdict.places import Places
-from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import movers_of
 from twin.scene import Joint, Mesh, Prismatic, Revolute
 
 
@@ -30,14 +27,6 @@ def moving_during(e: PartEvidence, share: float) -> PartEvidence:
     frames = e.part.motion.frames
     span = (int(frames[0]), int(frames[round(share * len(frames)) - 1]))
     return replace(e, part=replace(e.part, motion=replace(e.part.motion, intervals=(span,))))
-
-
-def drifting(e: PartEvidence, clip: Clip, share: float) -> PartEvidence:
-    """The room shifts by a share of the part's median travel."""
-    ends = [e.part.joint.pose(s) for s in (e.part.joint.lower, e.part.joint.upper)]
-    a, b = (clip.mesh.vertices @ T[:3, :3].T + T[:3, 3] for T in ends)
-    movers, _ = movers_of(clip, background=share * float(np.median(np.linalg.norm(a - b, axis=1))))
-    return replace(e, scene=replace(e.scene, found=FoundParts(movers, ())))
 
 
 def shown_in(e: PartEvidence, frames: int) -> PartEvidence:

@@ -23,7 +23,6 @@ from recon.verdict.of_scenes import free_things
 from recon.verdict.posterior import probability
 from tests.makers.recon.altered import (
     backed_off,
-    drifting,
     moving_during,
     ranging,
     scaled,
@@ -50,7 +49,6 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Doubt | None], Callable[..., Pa
     "axis": (of_parts.axis, lambda e, _, x: with_sigma(e, axis=np.radians(x)), of_parts.AXIS, "up"),
     "pivot": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT, "up"),
     "range": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE, "down"),
-    "drift": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT, "down"),
     "rest": (of_parts.rests, lambda e, _, x: moving_during(e, x), of_parts.RESTLESS, "up"),
     "surface": (of_parts.surface, lambda e, c, x: replace(e, mesh=scaled(c.mesh, x)), of_parts.SMALL, "down"),
     "moved": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=x), of_video.MOVED, "down"),
@@ -133,9 +131,7 @@ def test_what_can_not_be_told_gives_no_reason_but_a_joint_without_sigma_does(evi
     for mesh in (None, EMPTY):
         unseen = replace(evidence, mesh=mesh)
         assert of_parts.surface(unseen).times == SURELY  # type: ignore[union-attr]
-        assert [of_video.seen_to_move(unseen), of_video.contradicted(unseen), of_parts.drift(unseen)] == [
-            None
-        ] * 3
+        assert [of_video.seen_to_move(unseen), of_video.contradicted(unseen)] == [None] * 2
 
 
 def test_things_are_counted_by_what_goes_far_together() -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recon.verdict import of_parts, of_video
+from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.judge import doubts_about
 from recon.verdict.places import Places, looked_at
@@ -112,16 +112,3 @@ def test_a_wall_along_which_it_slides_is_seen_everywhere_but_nowhere_empty() -> 
     assert wall.followed > 0.5
     assert wall.witnessed == 0.0
     assert wall.contradicted < 0.05
-
-
-@pytest.mark.parametrize(("kind", "told"), [("door", False), ("drawer", False), ("slide", True)])
-def test_a_panel_that_slides_along_itself_needs_tracks(kind: Kind, told: bool) -> None:
-    e = perfect(make_clip(kind))
-    assert of_parts.across_itself(e) is None
-    by_depth = replace(e, tracks=replace(e.tracks, type_source="depth"))
-    reason = of_parts.across_itself(by_depth)
-    assert (reason is not None) == told
-    if reason is not None:
-        assert reason.reason.type == "AlongItself"
-        assert reason.reason.numbers["across"] < 0.2
-    assert of_parts.across_itself(replace(by_depth, mesh=None)) is None
