@@ -27,6 +27,8 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _NOISE = 3.0
 # m, and standard deviations of noise, from the plane within which pixels lie on it.
 _ON_M, _ON_SIGMAS = 0.008, 3.0
+# px about the seed in which its plane is fitted again, one after the other.
+_AROUND = (4, 10, 25)
 # Share of the seed that a piece of the plane holds, if it is of the board.
 _OF_SEED = 0.1
 # px of gaps that are closed, at the thinned pictures' size: edges take a pixel.
@@ -43,10 +45,11 @@ def extents(pictures: Pictures, recording: Recording, seed: Seed, others: Sequen
     """The seed itself, the seed with the others of its rest that lie on its plane, since noise and arms cut
     boards up, and the boards (some, growing) that it may be a strip of."""
     depth, points = pictures.depth[seed.rest], pictures.points(seed.rest)
-    normal, on = plane_of(seed.points)
-    off = (points - on.mean(axis=0)) @ normal
     sigma = pictures.noise.base + pictures.noise.slope * depth**2
-    flat = (depth > 0) & (np.abs(off) < np.maximum(_ON_M, _ON_SIGMAS * sigma))
+    thick = np.where(depth > 0, np.maximum(_ON_M, _ON_SIGMAS * sigma), 0.0)
+    normal, on = _plane(seed, points, thick)
+    off = (points - on.mean(axis=0)) @ normal
+    flat = np.abs(off) < thick
     eye = float(np.sign((pictures.T_world_cam[seed.rest][:3, 3] - on.mean(axis=0)) @ normal))
     handle = (depth > 0) & (eye * off > -_SUNK_M) & (eye * off < _HANDLE_M)
     edge = edges(recording, int(pictures.frames[seed.rest]), depth.shape)
@@ -60,6 +63,20 @@ def extents(pictures: Pictures, recording: Recording, seed: Seed, others: Sequen
         mask = (mask & flat) | (_filled(mask) & handle) | seed.mask
         masks += [m for m in (_piece(mask & ~stays, seed.mask), mask) if not any(_alike(m, o) for o in masks)]
     return [Seed.of(pictures, seed.rest, m, _bounded(m, within)) for m in masks]
+
+
+def _plane(seed: Seed, points: Array, thick: Array) -> tuple[Array, Array]:
+    """Normal (3,) of the plane that a seed lies on, and points of it.
+
+    A strip alone does not tell how its plane leans, so it is fitted again to those points (h, w, 3) that lie
+    on it, within `thick` (h, w) m, ever farther around.
+    """
+    normal, on = plane_of(seed.points)
+    for reach in _AROUND:
+        around = cv2.dilate(seed.mask.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8)) > 0
+        flat = np.abs((points - on.mean(axis=0)) @ normal) < thick
+        normal, on = plane_of(points[_grown(seed.mask, around & flat) & (thick > 0)])
+    return normal, on
 
 
 def _stays(pictures: Pictures, seed: Seed, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -7,13 +7,11 @@ turns the axis by what it likes.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from recon.dense.noise import DepthNoise
 from recon.interaction.refine.board import MAX_RMS, MAX_TURN, MIN_SURFELS, flat_face
-from recon.interaction.refine.terms import FrontTie, Terms
+from recon.interaction.refine.terms import FrontTie
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Prismatic
@@ -45,8 +43,3 @@ def find_front(
     members[square] = on
     across = (points[members] - points[members].mean(axis=0)) @ geo.orthogonal_basis(normal)[:, :2]
     return FrontTie(members, normal, float(np.sqrt(12.0) * np.sqrt(np.mean(across**2))))
-
-
-def with_front(terms: Terms, front: FrontTie) -> Terms:
-    """What surfels see, with what is known of the front that some of them are of."""
-    return replace(terms, board=front)

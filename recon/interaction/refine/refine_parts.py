@@ -26,7 +26,7 @@ from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.parts.same_motion import distinct
 from recon.interaction.parts.static_spans import REST_MARGIN
 from recon.interaction.refine.board import edge_tie, find_board, with_board
-from recon.interaction.refine.front import LEAN_OF_DEPTH, LEAN_OF_TRACKS, find_front, with_front
+from recon.interaction.refine.front import LEAN_OF_DEPTH, LEAN_OF_TRACKS, find_front
 from recon.interaction.refine.observations import (
     GATES,
     STEPS,
@@ -41,6 +41,7 @@ from recon.interaction.refine.observations import (
     surfel_terms,
     track_terms,
 )
+from recon.interaction.refine.panel import find_panel
 from recon.interaction.refine.settling import Settled, settle
 from recon.interaction.refine.solver import step
 from recon.interaction.refine.terms import Terms, join
@@ -52,8 +53,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 22, ("labels",))
-POLISH = Stage("polish", 15, ())
+REFINE = Stage("refine", 23, ("labels",))
+POLISH = Stage("polish", 16, ())
 _DRIFT = Drift()
 _LEAP = 0.05  # of the range; smooth motion stays within .03 of its median at a turning point
 _FIRST_GRID = 2 / 3  # of the final labels' working width
@@ -165,6 +166,7 @@ def _refine_one(
 
     def one_round(gate: float, joint: Joint, state: Array) -> tuple[Joint, Array, Terms]:
         surfels = build_surfels(views, patches, rows, joint, state, voxel)
+        panel, surfels = find_panel(part.joint, part.motion.state, *surfels, noise)
         seen = surfel_terms(views, surfels, rows, joint, state, gate, noise)
         board = find_board(joint, *surfels, noise)
         if board is not None:
@@ -172,8 +174,8 @@ def _refine_one(
             edges = edge_tie(board, shown, state, rests, partial(pixels_on, views, rows, joint, state))
             seen = with_board(seen, board, edges)
         front = find_front(part.joint, *surfels, noise, lean)
-        if front is not None:
-            seen = with_front(seen, front)
+        if front is not None or panel is not None:
+            seen = replace(seen, board=front or panel)
         terms = join(
             seen,
             track_terms(views, movers, tracks.members, part, rows, joint, state, focal, noise),

@@ -22,7 +22,7 @@ class Terms:
     q: Array
     sigma: Array
     normals: Array  # (K, 3) of the terms
-    board: BoardTies | FrontTie | None = None
+    board: BoardTies | FrontTie | PanelTie | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +68,18 @@ class FrontTie:
     length: float
 
 
+@dataclass(frozen=True, eq=False)
+class PanelTie:
+    """What is known of a panel that slides in its own plane (`refine.panel`): its terms (K,), normal (3,) and
+    size, m; the direction (3,) in that plane across its way, and the states (n,), as they were told."""
+
+    of_faces: NDArray[np.bool_]
+    normal: Array
+    length: float
+    across: Array
+    states: Array
+
+
 def join(a: Terms, b: Terms) -> Terms:
     """Both sets, sorted by term, terms of `b` numbered after those of `a`; with the board of `a`."""
     term = np.concatenate([a.term, b.term + len(a.normals)])
@@ -88,6 +100,9 @@ def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
     y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts.
     """
     value, jac, y = (_of_hinge if isinstance(joint, Revolute) else _of_slide)(joint, state, terms)
+    if isinstance(terms.board, PanelTie):
+        # what is left of its normal along its way is error, and no evidence of how far it went
+        jac[terms.term < len(terms.board.of_faces), -1] = 0.0
     if not isinstance(terms.board, BoardTies) or terms.board.planes is None:
         return value, jac
     of_planes = (terms.term >= terms.board.planes) & (terms.term < terms.board.planes + 2)

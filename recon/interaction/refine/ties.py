@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recon.interaction.refine.terms import BoardTies, FrontTie, Terms, linearise
+from recon.interaction.refine.terms import BoardTies, FrontTie, PanelTie, Terms, linearise
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
@@ -16,6 +16,9 @@ _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standar
 _SQUARE = np.radians(1.0)
 # rad, limit of the same. Chosen by us
 _ASKEW = np.radians(3.0)
+# Standard deviations of the states (m) and the axis (rad) of a panel, as a search over pixels tells them
+# (`recon.interaction.boards.search`)
+_TOLD_M, _TOLD_AXIS = 0.008, np.radians(2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,8 @@ def board_errors(joint: Joint, state: Array, terms: Terms) -> BoardErrors:
     board, of_joint = terms.board, joint.dof
     if isinstance(board, FrontTie):
         return _front_errors(joint, state, board)
+    if isinstance(board, PanelTie):
+        return _panel_errors(joint, state, board)
     if not isinstance(board, BoardTies):
         none = np.zeros(0)
         return BoardErrors(none, none, np.zeros((0, of_joint + len(state))), none)
@@ -81,6 +86,26 @@ def _front_errors(joint: Joint, state: Array, front: FrontTie) -> BoardErrors:
     return BoardErrors(beyond, away, rows, np.full(2, lever * _SQUARE), loose=limit)
 
 
+def _panel_errors(joint: Joint, state: Array, panel: PanelTie) -> BoardErrors:
+    """Errors of what is known of a panel: it slides in its plane, the way and as far as was told."""
+    lever, count = panel.length / np.sqrt(12.0), len(state)
+    told = _TOLD_M / _TOLD_AXIS  # m, so that all errors that are not held have one standard deviation
+    away = np.concatenate(
+        [
+            [lever * float(panel.normal @ joint.axis), told * float(panel.across @ joint.axis)],
+            (state - state.mean()) - (panel.states - panel.states.mean()),
+        ]
+    )
+    rows = np.zeros((2 + count, joint.dof + count))
+    for k, b in enumerate(geo.orthogonal_basis(joint.axis)[:, :2].T):
+        turned = np.cross(b, joint.axis)
+        rows[:2, k] = lever * float(panel.normal @ turned), told * float(panel.across @ turned)
+    rows[2:, joint.dof :] = np.eye(count) - 1.0 / count
+    beyond = np.where(np.arange(len(away)) == 0, away, 0.0)
+    sigmas = np.where(np.arange(len(away)) == 0, lever * _PARALLEL, _TOLD_M)
+    return BoardErrors(beyond, away, rows, sigmas, held=1, loose=_TOLD_M)
+
+
 def add_board(
     h: Array, g: Array, joint: Joint, state: Array, weight: Array, terms: Terms
 ) -> tuple[Array, Array]:
@@ -104,8 +129,11 @@ def with_board_known(
     """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further
     observations (Kalman 1960): it counts where the recording says less.
 
-    If the two disagree by more than both claim, the errors grow by Birge's ratio (1932).
+    If the two disagree by more than both claim, the errors grow by Birge's ratio (1932). A panel's are there
+    already (`of_panel`).
     """
+    if isinstance(terms.board, PanelTie):
+        return joint, state, covariance
     errors = board_errors(joint, state, terms)
     of_ties = np.sqrt(np.einsum("ki,ij,kj->k", errors.rows, covariance, errors.rows) + errors.sigmas**2)
     told = (errors.away / of_ties)[errors.held :]
@@ -116,6 +144,15 @@ def with_board_known(
     delta = -gain @ errors.away
     left = np.eye(len(delta)) - gain @ errors.rows
     return joint.plus(delta[: joint.dof]), state + delta[-len(state) :], np.asarray(left @ covariance)
+
+
+def of_panel(h: Array, joint: Joint, state: Array, terms: Terms) -> Array:
+    """The normal matrix with what is known of a panel, without which it is singular: each step holds it."""
+    if not isinstance(terms.board, PanelTie):
+        return h
+    errors = board_errors(joint, state, terms)
+    weighed = errors.rows / errors.sigmas[:, None]
+    return np.asarray(h + weighed.T @ weighed)
 
 
 def _weight_of_faces(weight: Array, terms: Terms) -> float:

@@ -12,7 +12,7 @@ from recon.interaction.refine.level import with_room_known
 from recon.interaction.refine.observations import Drift
 from recon.interaction.refine.solver import add_priors, reduced, robust_weights
 from recon.interaction.refine.terms import Terms, linearise
-from recon.interaction.refine.ties import with_board_known
+from recon.interaction.refine.ties import of_panel, with_board_known
 from recon.observation.room import Room
 from twin import geometry as geo
 from twin.geometry import Array
@@ -64,7 +64,7 @@ def with_uncertainty(
     weight, mean = robust_weights(value, terms)
     d = jac.shape[1] - 1
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
-    h, _ = add_priors(h, g, d, state, start, rests)
+    h, _ = add_priors(of_panel(h, joint, state, terms), g, d, state, start, rests)
     # errors of states are told against the frame that is known best
     held = d + int(np.argmax(np.diag(h)[d:]))
     h[held, held] += 1e8 * max(1.0, float(np.abs(np.diag(h)).max()) * 1e-6)

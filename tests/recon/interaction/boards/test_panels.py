@@ -140,3 +140,16 @@ def test_a_drawer_that_is_pulled_and_pushed_back_is_found_between(arm: bool) -> 
 
 def test_an_arm_that_comes_and_goes_is_no_part() -> None:
     assert not parts_by_depth(*recorded(pulled_and_pushed(0.0, arm=True)))
+
+
+def test_a_thin_strip_of_a_scattered_panel_is_grown_to_all_of_it() -> None:
+    """The strip's own pixels leave open how the plane leans: some degrees are far at the other edge."""
+    rng = np.random.default_rng(5)
+    low, high = -0.5, 0.15
+    depth = [(d + rng.normal(0.0, 0.006, d.shape)).astype(np.float32) for d in sliding(0.05, low, high)]
+    pictures = Pictures.of(*recorded(depth))
+    (strip,) = seeds(pictures, FRAMES - 1)
+    *_, board = extents(pictures, recorded(depth)[0], strip)
+    assert np.ptp(strip.points[:, 0]) < 0.08
+    told = np.quantile(board.points[:, 0], (0.01, 0.99))
+    assert told == pytest.approx((low + 0.05, high + 0.05), abs=0.03)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import minimum_jerk
 from recon.dense.noise import GOOD_SENSOR
-from recon.interaction.refine.front import LEAN_OF_DEPTH, LEAN_OF_TRACKS, find_front, with_front
+from recon.interaction.refine.front import LEAN_OF_DEPTH, LEAN_OF_TRACKS, find_front
 from recon.interaction.refine.solver import step
 from recon.interaction.refine.terms import FrontTie, Terms
 from recon.interaction.refine.ties import with_board_known
@@ -44,7 +46,7 @@ def seen(joint: Joint, rng: np.random.Generator) -> Terms:
     q = points[term] + TRUE[frame][:, None] * OUT
     terms = Terms(term, frame, q, np.full(len(term), 0.002), np.tile(OUT, (len(points), 1)))
     front = find_front(joint, points, normals, GOOD_SENSOR, LEAN_OF_DEPTH)
-    return terms if front is None else with_front(terms, front)
+    return terms if front is None else replace(terms, board=front)
 
 
 def found(joint: Joint, points: Array, normals: Array, lean: float = LEAN_OF_DEPTH) -> FrontTie | None:
