@@ -5,7 +5,7 @@ FunREC, supplement 4: which of the limits is the closed end.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from recon.contact.closed_odds import ClosedCues
 from recon.contact.faces import sample
 from recon.contact.front import ALONG, Front, front_of
-from recon.contact.surroundings import flush_shares, inward, nearer_ahead
+from recon.contact.surroundings import flush_shares, nearer_ahead
 from recon.dense.depth import look_up
 from recon.interaction.joints.sign_and_limits import smoothed
 from recon.interaction.parts.moving_part import MovingPart
@@ -24,8 +24,6 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
-# Share by which the edge ahead is nearer to a wall at the closed end. Chosen by us on 15 random doors.
-_AT_WALL = 0.5
 # Cosine between a front's normal and a slide in the front's own plane. Chosen by us.
 _IN_PLANE = 0.5
 # Step of turning a hinge past an end: the edge of a 0.5 m front moves less than twice `gap`. Chosen by us.
@@ -33,9 +31,7 @@ _TURN_STEP = np.radians(5.0)
 # A rim closer than this (m) to the static surface is flush with it: a panel and a joint gap; chosen by us
 _GAP = 0.03
 # What lies so far (m) behind the part is a cavity, not the neighbour that a sliding door covers; chosen by us
-DEEP = 0.08
-# Difference of shares that decides; chosen by us
-_MARGIN = 0.2
+_DEEP = 0.08
 # Frames looked at for each end; chosen by us
 _FRAMES = 8
 # How far past an end a hinge is turned on, to see whether it would be flush there: a door may stand ajar at
@@ -60,29 +56,6 @@ class ClosedEnd:
     probability: float = 0.5
 
 
-@dataclass(frozen=True)
-class _Cue:
-    """Shares, one for each end: the end of the larger share is the closed one."""
-
-    shares: Sequence[float]
-    what: str
-
-    @property
-    def end(self) -> int:
-        return int(self.shares[1] > self.shares[0])
-
-    def lead(self, k: int) -> float:
-        """Lead of end k."""
-        return self.shares[k] - self.shares[1 - k]
-
-    @property
-    def text(self) -> str:
-        k = self.end
-        return (
-            f"{self.what} ({100 * self.shares[k]:.0f} %, at the other end {100 * self.shares[1 - k]:.0f} %)"
-        )
-
-
 def find_closed_end(
     part: MovingPart,
     part_mesh: Mesh,
@@ -91,74 +64,39 @@ def find_closed_end(
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
 ) -> ClosedEnd:
-    """Decide by the surroundings of the part at both ends of its travel. part_mesh: at the part's state 0.
+    """The likelier end by the surroundings of the part at both ends of its travel, and by where it starts
+    (`recon.contact.closed_odds`). part_mesh: at the part's state 0.
 
-    The cues in order: (1) at the closed end the face is flush with static surface, and not at the other end.
-    (2) A slide along its front's normal is there farther from the viewer and nearer to static surface, as a
-    drawer comes out of its furniture. (3) Past the closed end the part would hit furniture; past the open end
-    it is free. (4) The part there covers a cavity that is seen when the part is away. (5) It covers more
-    space. (6) The first rest pose. A slide in its own plane may be flush all along: its edge ahead decides
-    first, which stops at a wall of the furniture, then the cavity.
+    A slide in its own plane may be flush all along: its edge ahead, which stops at a wall of the furniture,
+    and the cavity that it covers tell the ends apart.
     """
     ends = travel_ends(part.handled_states)
+    starts = 1.0 - 2.0 * _starts_at(part, ends)
     surface = sample(part_mesh)
-    starts = _starts_at(part, ends)
     if not len(surface.points):
-        return _end(ends, starts, "first rest pose")
+        nothing = 0.0, 0.0
+        return _end(ends, ClosedCues(nothing, nothing, nothing, None, 0.0, starts))
     face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
-    past = _past(face, part.joint)
-    flush = flush_shares(surface, face, part.joint, ends, static, _GAP, past)
-    depth = [
-        _depth_behind(part, face, ends[k], _far_frames(part, labels, ends, k), recording, cameras, labels)
-        for k in (0, 1)
-    ]
-    cavity = [float(np.mean(d > DEEP)) if len(d) else 0.0 for d in depth]
-    every = _every(part, face, ends, flush, cavity, static)
-    for cue in _ranked(every, face, part.joint, ends, static):
-        if cue.lead(cue.end) > _MARGIN:
-            return _end(ends, cue.end, cue.text, every.probability(cue.end))
-    space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
-    if abs(space[0] - space[1]) > _MARGIN * max(space):
-        less = int(space[1] > space[0])
-        return _end(ends, less, "its rest pose shows less uncovered space", every.probability(less))
-    return _end(ends, starts, "first rest pose", every.probability(starts))
-
-
-def _ranked(
-    every: ClosedCues, face: Front, joint: Joint, ends: tuple[float, float], static: Mesh
-) -> list[_Cue]:
-    """The cues in their order."""
-    at_end = _Cue(every.flush, "flush with its surroundings")
-    cavity = _Cue(every.cavity, "covers a cavity")
-    if every.ahead is not None:
-        ahead = _Cue(every.ahead, "nearer to a wall with its edge ahead")
-        return [cavity, at_end] if max(ahead.shares) <= _AT_WALL else [ahead, cavity, at_end]
-    past = _Cue(every.past, "flush with its surroundings if it went on")
-    way_in = inward(face, joint, ends, static)
-    if way_in is None:
-        return [at_end, past, cavity]
-    way = _Cue(way_in, "nearer to its surroundings and farther from the viewer")
-    return [at_end, way, past, cavity]
-
-
-def _every(
-    part: MovingPart,
-    face: Front,
-    ends: tuple[float, float],
-    flush: Sequence[Sequence[float]],
-    cavity: Sequence[float],
-    static: Mesh,
-) -> ClosedCues:
-    """All cues, without an order. flush: see `flush_shares`."""
-    along = float(face.normal @ part.joint.axis) if isinstance(part.joint, Prismatic) else 0.0
-    in_plane = isinstance(part.joint, Prismatic) and abs(along) < _IN_PLANE
-    return ClosedCues(
-        flush=[of_end[0] for of_end in flush],
-        past=[max(of_end) for of_end in flush],
-        cavity=cavity,
-        ahead=nearer_ahead(face, part.joint, ends, static) if in_plane else None,
-        pushed_away=float(np.sign(along)) if abs(along) >= ALONG else 0.0,
-        starts=-1.0 if _starts_at(part, ends) else 1.0,
+    flush = flush_shares(surface, face, part.joint, ends, static, _GAP, _past(face, part.joint))
+    along = float(face.normal @ part.joint.axis) if isinstance(part.joint, Prismatic) else 1.0
+    in_plane = abs(along) < _IN_PLANE
+    cavity = [0.0, 0.0]
+    for k in (0, 1) if in_plane else ():
+        depth = _depth_behind(
+            part, face, ends[k], _far_frames(part, labels, ends, k), recording, cameras, labels
+        )
+        cavity[k] = float(np.mean(depth > _DEEP)) if len(depth) else 0.0
+    slides_out = isinstance(part.joint, Prismatic) and abs(along) >= ALONG
+    return _end(
+        ends,
+        ClosedCues(
+            flush=[of_end[0] for of_end in flush],
+            past=[max(of_end) for of_end in flush],
+            cavity=cavity,
+            ahead=nearer_ahead(face, part.joint, ends, static) if in_plane else None,
+            pushed_away=float(np.sign(along)) if slides_out else 0.0,
+            starts=starts,
+        ),
     )
 
 
@@ -178,7 +116,8 @@ def _past(face: Front, joint: Joint) -> Array:
     return np.arange(0.0, _PAST_SLIDE + 1e-9, _GAP)
 
 
-def _end(ends: tuple[float, float], k: int, source: str, probability: float = 0.5) -> ClosedEnd:
+def _end(ends: tuple[float, float], cues: ClosedCues) -> ClosedEnd:
+    k, probability, source = cues.decided()
     return ClosedEnd(ends[k], -1 if k else 1, source, probability)
 
 

@@ -20,7 +20,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 10, ("contact",))
+CONTACT = Stage("contact", 11, ("contact",))
 
 
 @dataclass(frozen=True, eq=False)

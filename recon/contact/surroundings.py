@@ -9,7 +9,7 @@ from recon.contact.faces import SurfaceSamples, sample
 from recon.contact.front import ALONG, Front
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import Joint, Mesh, Prismatic
+from twin.scene import Joint, Mesh
 
 _EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
 
@@ -51,22 +51,6 @@ def flush_shares(
         return float(moves @ (nearest < gap) / max(float(moves.sum()), 1e-9))
 
     return [[share(pose) for pose in of_end] for of_end in poses]
-
-
-def inward(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float] | None:
-    """Of what slides along its front's normal: at the end that is farther from the viewer, by how much nearer
-    its rim is to static surface than at the other, over the travel (0 where it is not), and 0; else None."""
-    along = float(face.normal @ joint.axis) * (ends[1] - ends[0])
-    if not isinstance(joint, Prismatic) or abs(face.normal @ joint.axis) < ALONG:
-        return None
-    rims = [geo.transform(joint.pose(e), face.rim) for e in ends]
-    beside = _cropped(static, np.concatenate(rims), abs(along) + 2 * _EDGE_M)
-    if not len(beside.faces):
-        return None
-    tree = cKDTree(sample(beside, 100_000).points)
-    near, far = (float(np.median(tree.query(rim)[0])) for rim in rims)
-    share = max(0.0, float(np.sign(along)) * (far - near) / max(abs(along), 1e-9))
-    return [share, 0.0] if along > 0 else [0.0, share]
 
 
 def nearer_ahead(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float]:

@@ -71,7 +71,7 @@ def test_a_door_that_starts_where_a_wall_stops_it_is_not_sure(clip: Clip) -> Non
 ONE_CUE = {
     "flush": replace(NEITHER, flush=(1.0, 0.0)),
     "past": replace(NEITHER, past=(1.0, 0.0)),
-    "cavity": replace(NEITHER, cavity=(1.0, 0.0)),
+    "cavity": replace(NEITHER, cavity=(1.0, 0.0), ahead=(0.0, 0.0)),
     "ahead": replace(NEITHER, ahead=(1.0, 0.0)),
     "pushed away": replace(NEITHER, pushed_away=1.0),
     "starts": NEITHER,
@@ -92,12 +92,24 @@ def test_each_cue_speaks_for_its_end_as_loud_as_for_the_other(name: str) -> None
 
 
 def test_cues_add_up_and_contradictions_take_away() -> None:
-    flush = ONE_CUE["flush"]
+    panel = ONE_CUE["ahead"]
     assert (
-        replace(flush, cavity=(1.0, 0.0)).log_odds
-        > flush.log_odds
-        > replace(flush, cavity=(0.0, 1.0)).log_odds
+        replace(panel, cavity=(1.0, 0.0)).log_odds
+        > panel.log_odds
+        > replace(panel, cavity=(0.0, 1.0)).log_odds
     )
+
+
+def test_the_cue_that_says_most_for_the_likelier_end_is_told() -> None:
+    assert ONE_CUE["flush"].decided()[::2] == (0, "flush with its surroundings (100 %, at the other end 0 %)")
+    assert replace(ONE_CUE["pushed away"], starts=-1.0).decided()[::2] == (0, "farther from the viewer")
+    assert replace(NEITHER, starts=-1.0).decided()[::2] == (1, "first rest pose")
+
+
+def test_what_stands_open_covers_the_room_behind_it_and_no_cavity() -> None:
+    """Of 63 hinges and drawers of open recordings 28 have more at the open end, 24 at the closed one."""
+    flush = ONE_CUE["flush"]
+    assert replace(flush, cavity=(0.0, 1.0)).log_odds == flush.log_odds
 
 
 def test_no_single_cue_is_sure() -> None:
