@@ -14,29 +14,29 @@ from recon.verdict.doubt import SURELY, Doubt
 from twin.verdict import Verdict
 
 # Log odds of a part without a doubt.
-SOUND = 4.41
+SOUND = 4.56
 # What a doubt of each type takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
     "AxisUnsure": 1.20,
-    "PivotUnsure": 1.18,
-    "RangeUnsure": 1.20,
+    "PivotUnsure": 1.02,
+    "RangeUnsure": 1.21,
     "TooShort": 1.20,
     "NeverRests": 1.20,
-    "ClosedEndUnsure": 1.12,
-    "CreepsAtRest": 1.25,
+    "ClosedEndUnsure": 1.02,
+    "CreepsAtRest": 1.26,
     "CamerasDrift": 1.20,
-    "HandWhereNobodyIs": 1.18,
-    "HandMovesNothing": 1.13,
-    "SmallSurface": 1.20,
-    "SurfaceUnseen": 1.22,
+    "HandWhereNobodyIs": 1.19,
+    "HandMovesNothing": 1.20,
+    "SmallSurface": 1.21,
+    "SurfaceUnseen": 1.28,
     "SurfaceContradicted": 1.20,
-    "BareBorder": 1.24,
-    "LabelledElsewhere": 0.92,
-    "StaticSeenThrough": 1.20,
-    "Unexplained": 1.61,
+    "BareBorder": 1.49,
+    "LabelledElsewhere": 0.68,
+    "StaticSeenThrough": 1.25,
+    "Unexplained": 1.27,
     "SeenThrough": 1.20,
     "MotionUnexplained": 1.20,
-    "MotionUnseen": 0.33,
+    "MotionUnseen": 0.56,
     "FewLabels": 1.20,
     "MovesWithDoubted": 1.20,
 }

@@ -27,8 +27,8 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _NOISE = 3.0
 # m, and standard deviations of noise, from the plane within which pixels lie on it.
 _ON_M, _ON_SIGMAS = 0.008, 3.0
-# px about the seed in which its plane is fitted again, one after the other.
-_AROUND = (4, 10, 25)
+# m; a seed that is narrower is a strip. px about it in which its plane is fitted again, one after the other.
+_STRIP_M, _AROUND = 0.1, (4, 10, 25)
 # Share of the seed that a piece of the plane holds, if it is of the board.
 _OF_SEED = 0.1
 # px of gaps that are closed, at the thinned pictures' size: edges take a pixel.
@@ -72,7 +72,8 @@ def _plane(seed: Seed, points: Array, thick: Array) -> tuple[Array, Array]:
     on it, within `thick` (h, w) m, ever farther around.
     """
     normal, on = plane_of(seed.points)
-    for reach in _AROUND:
+    width = np.linalg.svd(on - on.mean(axis=0), compute_uv=False)[1] * np.sqrt(12.0 / len(on))
+    for reach in _AROUND if width < _STRIP_M else ():
         around = cv2.dilate(seed.mask.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8)) > 0
         flat = np.abs((points - on.mean(axis=0)) @ normal) < thick
         normal, on = plane_of(points[_grown(seed.mask, around & flat) & (thick > 0)])

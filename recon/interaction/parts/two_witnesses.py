@@ -61,7 +61,7 @@ def reconciled_parts(
     parts: list[PartTracks] = []
     taken: set[int | None] = set()
     for w in seen[:most]:
-        if w.by_tracks is None:
+        if w.by_tracks is None or _in_turn(w, seen):
             if not _goes_along(w, seen) and not any(_meanwhile(w, f, cameras) for f in firm):
                 parts.append(_of_depth(w, recording, cameras, movers))
         elif w.by_tracks not in taken:
@@ -128,6 +128,14 @@ def _goes_along(w: Witnessed, seen: Sequence[Witnessed]) -> bool:
     """Whether a part goes along with another one of the same tracks that agrees better: a hand follows."""
     rivals = [o for o in seen if o is not w and o.by_tracks is not None and o.by_tracks == w.by_tracks]
     return any(_along(w, o) > _CARRIED for o in rivals if o.as_well > w.as_well)
+
+
+def _in_turn(w: Witnessed, seen: Sequence[Witnessed]) -> bool:
+    """Whether the same tracks follow another part, too, that moves at another time: of two drawers whose ways
+    are parallel tracks know one slide, as far as both go."""
+    return any(
+        o is not w and o.by_tracks == w.by_tracks and together(w.state, o.state) < MEANWHILE for o in seen
+    )
 
 
 def _along(w: Witnessed, other: Witnessed) -> float:

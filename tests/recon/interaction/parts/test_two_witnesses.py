@@ -197,3 +197,20 @@ def test_a_hand_that_goes_along_with_a_part_is_none_and_a_second_drawer_is_one(c
     backwards = replace(hand, joint=replace(axis, axis=-axis.axis), state=-hand.state)
     assert _goes_along(backwards, [backwards, drawer])
     assert not _goes_along(replace(hand, by_tracks=None), seen)
+
+
+def test_tracks_of_two_drawers_side_by_side_give_way_to_depths_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their ways are parallel, so that tracks of both follow one slide, as far as both go."""
+    clip = make_clip("drawer")
+    time, none = np.arange(26), np.zeros(0, bool)
+    first, second = (np.interp(time, span, [0.0, 0.2]) for span in ([4, 9], [14, 20]))
+    both = PartTracks(with_states(clip, first + second), none, "motion")
+    seen = [Witnessed(clip.part.joint, state, none, 0, 0.9) for state in (first, second)]
+    monkeypatch.setattr(two_witnesses, "witnessed", lambda *_: seen)
+    parts = reconciled_parts([both], clip.recording, clip.cameras, movers(), 8)
+    assert [p.type_source for p in parts] == ["depth", "depth"]
+    for part, state in zip(parts, (first, second), strict=True):
+        np.testing.assert_allclose(part.part.motion.state, state)
+    monkeypatch.setattr(two_witnesses, "witnessed", lambda *_: [seen[0], seen[0]])
+    (one,) = reconciled_parts([both], clip.recording, clip.cameras, movers(), 8)
+    assert one.type_source == "motion"
