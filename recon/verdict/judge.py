@@ -23,7 +23,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 36, ())
+VERDICT = Stage("verdict", 37, ())
 # Of the frames in which either of two parts moves, those in which both do: a hand opens one part. By us
 TOGETHER = 0.5
 # Numbers of reasons that are frames.

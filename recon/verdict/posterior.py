@@ -14,29 +14,29 @@ from recon.verdict.doubt import SURELY, Doubt
 from twin.verdict import Verdict
 
 # Log odds of a part without a doubt.
-SOUND = 4.56
+SOUND = 4.59
 # What a doubt of each type takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
     "AxisUnsure": 1.20,
-    "PivotUnsure": 1.02,
-    "RangeUnsure": 1.21,
+    "PivotUnsure": 1.03,
+    "RangeUnsure": 1.20,
     "TooShort": 1.20,
     "NeverRests": 1.20,
-    "ClosedEndUnsure": 1.02,
-    "CreepsAtRest": 1.26,
+    "ClosedEndUnsure": 1.40,
+    "CreepsAtRest": 1.22,
     "CamerasDrift": 1.20,
     "HandWhereNobodyIs": 1.19,
     "HandMovesNothing": 1.20,
-    "SmallSurface": 1.21,
-    "SurfaceUnseen": 1.28,
+    "SmallSurface": 1.20,
+    "SurfaceUnseen": 1.20,
     "SurfaceContradicted": 1.20,
-    "BareBorder": 1.49,
-    "LabelledElsewhere": 0.68,
+    "BareBorder": 1.46,
+    "LabelledElsewhere": 0.67,
     "StaticSeenThrough": 1.25,
-    "Unexplained": 1.27,
+    "Unexplained": 1.28,
     "SeenThrough": 1.20,
     "MotionUnexplained": 1.20,
-    "MotionUnseen": 0.56,
+    "MotionUnseen": 0.58,
     "FewLabels": 1.20,
     "MovesWithDoubted": 1.20,
 }
