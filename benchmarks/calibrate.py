@@ -31,7 +31,7 @@ from recon.evaluation.scores import camera_errors, joint_errors, label_scores, m
 from recon.pipeline import read_stage, reconstruct
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import sealed_set
-from recon.verdict.posterior import REFUSED, TRUSTED, WEIGHTS
+from recon.verdict.posterior import QUESTIONS, REFUSED, TRUSTED
 from twin.errors import FuntwinError, InputError, ReconstructionError
 from twin.files.text import read_json, write_json
 from twin.geometry import Array
@@ -119,14 +119,15 @@ def fitted(amounts: Array, right: Array) -> tuple[float, Array]:
 
 def fit() -> int:
     """Print the weights by all rows, and write the page by weights fitted to other recordings."""
-    rows = [r for r in read_json(RECORDS)["rows"] if set(r["amounts"]) <= set(WEIGHTS)]
-    types = list(WEIGHTS)
-    amounts = np.array([[r["amounts"].get(t, 0.0) for t in types] for r in rows])
+    rows = read_json(RECORDS)["rows"]
+    amounts = np.array(
+        [[max(r["amounts"].get(t, 0.0) for t in types) for types in QUESTIONS.values()] for r in rows]
+    )
     right = np.array([r["wrong"] is None for r in rows])
     sound, weights = fitted(amounts, right)
     print(
         f"SOUND = {sound:.2f}",
-        *(f'    "{t}": {w:.2f},' for t, w in zip(types, weights, strict=True)),
+        *(f'    "{q}": {w:.2f},' for q, w in zip(QUESTIONS, weights, strict=True)),
         sep="\n",
     )
     seeds = np.array([r["seed"] for r in rows])
@@ -135,13 +136,11 @@ def fit() -> int:
     for k in range(_FOLDS):
         base, its = fitted(amounts[fold != k], right[fold != k])
         told[fold == k] = 1.0 / (1.0 + np.exp(amounts[fold == k] @ its - base))
-    PAGE.write_text(_page(rows, types, amounts, right, told, weights), encoding="utf-8")
+    PAGE.write_text(_page(rows, right, told, weights), encoding="utf-8")
     return 0
 
 
-def _page(
-    rows: list[dict[str, Any]], types: list[str], amounts: Array, right: Array, told: Array, weights: Array
-) -> str:
+def _page(rows: list[dict[str, Any]], right: Array, told: Array, weights: Array) -> str:
     """The page of the records, with each row's probability by weights of other recordings."""
     causes = Counter(r["wrong"] for r in rows if r["wrong"] is not None)
     trusted, refused = told >= TRUSTED, told < REFUSED
@@ -170,11 +169,15 @@ def _page(
         "",
         trust,
         "",
-        "| doubt | weight | parts | right |",
-        "|---|---|---|---|",
+        "| question | doubt | weight | parts | right |",
+        "|---|---|---|---|---|",
     ]
-    for t, w, column in sorted(zip(types, weights, amounts.T, strict=True), key=lambda x: -x[1]):
-        lines.append(f"| `{t}` | {w:.2f} | {int((column > 0).sum())} | {int(((column > 0) & right).sum())} |")
+    for (question, types), weight in zip(QUESTIONS.items(), weights, strict=True):
+        for t in types:
+            has = np.array([t in r["amounts"] for r in rows])
+            lines.append(
+                f"| {question} | `{t}` | {weight:.2f} | {int(has.sum())} | {int((has & right).sum())} |"
+            )
     return "\n".join(lines) + "\n"
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.interaction.parts.moving_part import MovingPart
-from recon.verdict.lost_labels import middle
 from recon.verdict.posed import PosedTwin
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL
@@ -72,7 +71,7 @@ def bare_border(
     frames = [f for f, n in size.items() if n >= _IN_VIEW * usual]  # else it has left the picture
     rests = [f for f in frames if f < first][:_FRAMES], [f for f in frames if f > last][-_FRAMES:]
     told = [
-        middle([(f, s) for f in rest if (s := _bare(twin, part.id, f, labels[f])) is not None])
+        _middle([(f, s) for f in rest if (s := _bare(twin, part.id, f, labels[f])) is not None])
         for rest in rests
     ]
     return max((t for t in told if t is not None), key=lambda t: t[1], default=None)
@@ -144,3 +143,8 @@ def _carried_on(p: _Profiles) -> Bits:
     off = np.abs(1.0 / np.nanmedian(far, axis=1) - 1.0 / np.maximum(ahead, 1e-3))
     out[out] = off <= _OFF_M
     return np.asarray(out)
+
+
+def _middle(shares: list[tuple[int, float]]) -> tuple[int, float] | None:
+    """Of frames and their shares the median by share, the lower of two middles. None of none."""
+    return sorted(shares, key=lambda share: share[1])[(len(shares) - 1) // 2] if shares else None

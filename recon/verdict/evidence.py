@@ -9,16 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.interaction.parts.find_parts import FoundParts, PartTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.bare_borders import bare_border
 from recon.verdict.camera_drift import camera_drift
 from recon.verdict.explained import static_seen_through, unexplained
 from recon.verdict.hand_visits import idle_visit
-from recon.verdict.hands import false_hand, resting_hand
-from recon.verdict.in_motion import InMotion, in_motion
-from recon.verdict.lost_labels import least_labelled
+from recon.verdict.in_motion import seen_through
 from recon.verdict.places import Places, places
 from recon.verdict.posed import PosedTwin
 from twin.scene import Mesh, Trajectory
@@ -26,13 +23,12 @@ from twin.scene import Mesh, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class SceneEvidence:
-    """All that the stages found. labels: label images (H, W) of some frames. parts: those of `found`,
-    refined, with their meshes at state 0 of the joint; None for a part without a surface."""
+    """What the stages made of a window. labels: label images (H, W) of some frames. parts: refined, with
+    their meshes at state 0 of the joint; None for a part without a surface."""
 
     recording: Recording
     cameras: Trajectory
     labels: Mapping[int, NDArray[np.uint8]]
-    found: FoundParts
     static: Mesh
     parts: Sequence[tuple[MovingPart, Mesh | None]]
 
@@ -57,16 +53,6 @@ class SceneEvidence:
         return static_seen_through(self.posed)
 
     @cached_property
-    def false_hand(self) -> tuple[int, float]:
-        """The first or last labelled frame, and the share of it that is labelled hand and is none."""
-        return false_hand(self.posed, self.labels)
-
-    @cached_property
-    def resting_hand(self) -> tuple[int, float]:
-        """The labelled frame with most labelled hand that keeps its place before and after, and its share."""
-        return resting_hand(self.posed, self.labels)
-
-    @cached_property
     def idle_visit(self) -> tuple[int, int] | None:
         """First and last frame of the longest time that a hand is in view and moves nothing."""
         return idle_visit(self.recording, self.labels, [part for part, _ in self.parts])
@@ -74,7 +60,7 @@ class SceneEvidence:
 
 @dataclass(frozen=True, eq=False)
 class PartEvidence:
-    """One part among all of them, with the tracks that are rigid with it.
+    """One part among all of them.
 
     closed_probability: of the end that is taken for the closed one (`recon.contact.closed_end`); None without
     a surface.
@@ -83,29 +69,24 @@ class PartEvidence:
     scene: SceneEvidence
     part: MovingPart
     mesh: Mesh | None
-    tracks: PartTracks
     closed_probability: float | None = None
 
+    @property
+    def has_surface(self) -> bool:
+        return self.mesh is not None and len(self.mesh.faces) > 0
+
     @cached_property
-    def in_motion(self) -> InMotion | None:
-        """What the frames show in which it moves; None without such frames or without a surface."""
-        if self.mesh is None or not len(self.mesh.faces):
-            return None
-        return in_motion(self.scene.posed, self.part)
+    def seen_through(self) -> tuple[int, float] | None:
+        """The frame of its motion in which most is seen through, and all of that over its own pixels; None
+        without such frames or without a surface."""
+        return seen_through(self.scene.posed, self.part) if self.has_surface else None
 
     @cached_property
     def places(self) -> Places | None:
         """What was seen of the places of its surface; None without one, or without motion."""
-        if self.mesh is None or not len(self.mesh.faces):
+        if self.mesh is None or not self.has_surface:
             return None
         return places(self.scene.posed, self.part, self.mesh)
-
-    @cached_property
-    def least_labelled(self) -> tuple[int, float] | None:
-        """The travel's end frame where labels and twin agree least, and their overlap, or None."""
-        if self.mesh is None or not len(self.mesh.faces):
-            return None
-        return least_labelled(self.scene.posed, self.part, self.scene.labels)
 
     @cached_property
     def bare_border(self) -> tuple[int, float] | None:

@@ -7,7 +7,7 @@ slides along itself, without reaching the border, would be taken for furniture.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recon.dense.depth import look_up
 from recon.interaction.boards.arms import has_shape_of_arm
-from recon.verdict.posed import PosedTwin, gate, opened
+from recon.verdict.posed import PosedTwin, gate
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import HAND_LABEL
@@ -34,33 +34,7 @@ ARMS_M2 = 0.2
 # An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it
 # opens seldom farther than 1.3 m. Chosen by us
 REACHES_IN = 0.7
-# The same above which something is told as no arm: an arm that comes from the side had .74. Chosen by us
-ACROSS = 0.9
 _FEWEST = 30  # px of the thinned picture that have a shape; chosen by us
-
-
-def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """The worse of the first and last labelled frame, and the share of pixels labelled hand that are none."""
-    worst = (min(labels), 0.0)
-    for frame, others in _ends(twin, sorted(labels)):
-        share = float(_false(twin, frame, labels[frame], others).mean())
-        if share > worst[1]:
-            worst = (frame, share)
-    return worst
-
-
-def resting_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """The labelled frame with most labelled hand that keeps its place before and after, and its share."""
-    worst = (min(labels), 0.0)
-    for frame, image in sorted(labels.items()):
-        hand = twin.thinned(image) == HAND_LABEL
-        if hand.mean() <= worst[1]:
-            continue
-        others = sorted({*_near(twin, frame, -1), *_near(twin, frame, 1)})
-        share = float(opened(_at_rest(twin, frame, hand, others)).mean())
-        if share > worst[1]:
-            worst = (frame, share)
-    return worst
 
 
 def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
@@ -70,25 +44,16 @@ def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: in
     if not hand.any():
         return hand
     kept = hand & _keeps_place(twin, frame, _near(twin, frame, sign))
-    still, pieces = _still_pieces(twin, frame, hand, kept, REACHES_IN)
+    still, pieces = _still_pieces(twin, frame, hand, kept)
     return np.asarray(hand & ~still[pieces])
 
 
-def _at_rest(
-    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], others: Sequence[int]
-) -> NDArray[np.bool_]:
-    """Of a frame's pixels (H, W) labelled hand those that keep their place elsewhere in pieces of no hand."""
-    kept = hand & _keeps_place(twin, frame, others)
-    still, pieces = _still_pieces(twin, frame, hand, kept, ACROSS)
-    return np.asarray(kept & still[pieces])
-
-
 def _still_pieces(
-    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_], nearer: float
+    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
     """Which pieces of a hand (H, W) mostly keep their place and are no arm, by reaching in from the border or
     by its shape where labels have lost its end; and the piece of each pixel. kept (H, W): what keeps its
-    place. nearer: see `REACHES_IN`."""
+    place."""
     seen = twin.seen(frame)
     pieces = np.asarray(cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1], np.int32)
     still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
@@ -97,7 +62,7 @@ def _still_pieces(
     for k in np.flatnonzero(small & still):
         piece = pieces == k
         still[k] = not (
-            (border[k] and _reaches_in(piece, seen, nearer)) or _shaped_as_arm(twin, piece & (seen > 0), seen)
+            (border[k] and _reaches_in(piece, seen)) or _shaped_as_arm(twin, piece & (seen > 0), seen)
         )
     return still, pieces
 
@@ -118,18 +83,13 @@ def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:
     return out
 
 
-def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32], nearer: float) -> bool:
-    """Whether a piece (H, W) comes from the viewer: nearer by a ratio at the border than at its far end."""
+def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32]) -> bool:
+    """Whether a piece (H, W) comes from the viewer: nearer at the border than at its far end."""
     at_border = np.zeros_like(piece)
     at_border[[0, -1]], at_border[:, [0, -1]] = piece[[0, -1]], piece[:, [0, -1]]
     there = seen[at_border & (seen > 0)]
     near = float(np.median(there)) if len(there) else 0.0  # nearer than the sensor can see
-    return near < nearer * float(np.quantile(seen[piece], 0.95))
-
-
-def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:
-    """The first and the last labelled frame, each with frames that show what rests."""
-    return [(frame, _near(twin, frame, sign)) for frame, sign in ((labelled[0], 1), (labelled[-1], -1))]
+    return near < REACHES_IN * float(np.quantile(seen[piece], 0.95))
 
 
 def _near(twin: PosedTwin, frame: int, sign: int) -> list[int]:
@@ -138,17 +98,6 @@ def _near(twin: PosedTwin, frame: int, sign: int) -> list[int]:
     since = sign * (times[posed] - times[frame])
     wanted = SECONDS * np.arange(1, FRAMES + 1) / FRAMES
     return sorted({int(posed[np.argmin(np.abs(since - t))]) for t in wanted} - {frame})
-
-
-def _false(twin: PosedTwin, frame: int, image: NDArray[np.uint8], others: Sequence[int]) -> NDArray[np.bool_]:
-    """Pixels (H, W) of a frame that are labelled hand and are none."""
-    hand = twin.thinned(image) == HAND_LABEL
-    if not hand.any():
-        return hand
-    seen, expected = twin.seen(frame), twin.expected(frame).depth
-    known, off = gate(seen, expected)
-    as_twin = hand & known & (seen >= expected - off)
-    return opened(as_twin | _at_rest(twin, frame, hand, others))
 
 
 def _keeps_place(twin: PosedTwin, frame: int, others: Sequence[int]) -> NDArray[np.bool_]:

@@ -13,19 +13,16 @@ from recon.fusion.fuse import FusedScene
 from recon.interaction.interaction import Interaction, cameras_of, during, frames_of
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
-from recon.verdict.doubt import Doubt, above
+from recon.verdict.doubt import Doubt
 from recon.verdict.evidence import PartEvidence, SceneEvidence
-from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
-from recon.verdict.posterior import TRUSTED, probability, verdict_of
+from recon.verdict.posterior import probability, verdict_of
 from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 37, ())
-# Of the frames in which either of two parts moves, those in which both do: a hand opens one part. By us
-TOGETHER = 0.5
+VERDICT = Stage("verdict", 38, ())
 # Numbers of reasons that are frames.
 _FRAMES = {"frame", "other", "first", "last"}
 
@@ -74,8 +71,11 @@ def judge(
     """
     told = _Told(recording, cameras, labels, parts, fused, finished)
     looks: dict[int, list[Sequence[Doubt]]] = {}
+    missed: list[Reason] = []
     for interaction in interactions:
-        for k, doubts in told.doubts(interaction).items():
+        scene = told.scene(interaction)
+        missed += _missed(scene, interaction)
+        for k, doubts in told.doubts(scene, interaction).items():
             looks.setdefault(k, []).append(doubts)
     best = {k: of_looks(doubts) for k, doubts in looks.items()}
     amounts = {k: {d.reason.type: d.amount for d in clearest(doubts)} for k, doubts in looks.items()}
@@ -90,16 +90,21 @@ def judge(
     }
     every = tuple(f.reason for f in faults)
     if any(v.level != "refused" for v in verdicts.values()):
-        return Judged(verdicts, (*every, *_missed(interactions)), amounts)
+        return Judged(verdicts, (*every, *missed), amounts)
     refusing = (replace(reason, level="refused") for reason in every)
     nothing = nothing_articulated([i.found.movers for i in interactions])
     return Judged(verdicts, (*refusing, nothing), amounts)
 
 
-def _missed(interactions: Sequence[Interaction]) -> list[Reason]:
-    """A doubt about the scene for each window in which something is handled and no part was found."""
-    empty = [i.window.handled for i in interactions if not i.parts]
-    return [reason("HandMovesNothing", "doubtful", *handled) for handled in empty if handled is not None]
+def _missed(scene: SceneEvidence, interaction: Interaction) -> list[Reason]:
+    """A doubt about the scene where a hand visits it for longer than what was found explains."""
+    window = interaction.window
+    if interaction.parts:
+        visit = scene.idle_visit
+        handled = None if visit is None else (visit[0] + window.first, visit[1] + window.first)
+    else:
+        handled = window.handled
+    return [] if handled is None else [reason("HandMovesNothing", "doubtful", *handled)]
 
 
 def clearest(looks: Sequence[Sequence[Doubt]]) -> Sequence[Doubt]:
@@ -129,27 +134,31 @@ class _Told:
     fused: FusedScene
     finished: Sequence[FinishedPart]
 
-    def doubts(self, interaction: Interaction) -> Mapping[int, Sequence[Doubt]]:
-        """The doubts about each part that an interaction handles, by id."""
-        window, found = interaction.window, interaction.found
-        handled = {p.id for p in interaction.parts}
+    def scene(self, interaction: Interaction) -> SceneEvidence:
+        """What an interaction's window shows, with all parts that stand somewhere then."""
+        window, handled = interaction.window, {p.id for p in interaction.parts}
         written = {
             f.moving.id: (f.moving, f.mesh) for f in (_on_what_stands(f, handled) for f in self.finished)
         }
-        closed = {f.moving.id: f.closed_probability for f in self.finished}
         told: list[tuple[MovingPart, Mesh | None]] = [
             (during(part, window), mesh) for part, mesh in (written.get(p.id, (p, None)) for p in self.parts)
         ]
         told = [(part, mesh) for part, mesh in told if part.id in handled or part.is_somewhere]
         recording, cameras = frames_of(self.recording, window), cameras_of(self.cameras, window)
         labels = {f - window.first: i for f, i in self.labels.items() if window.first <= f <= window.last}
-        scene = SceneEvidence(recording, cameras, labels, found, self.fused.static, told)
-        mine = [(part, mesh) for part, mesh in told if part.id in handled]
-        alone = {
-            part.id: doubts_about(PartEvidence(scene, part, mesh, tracks, closed.get(part.id)), window.first)
-            for (part, mesh), tracks in zip(mine, found.of([part for part, _ in mine]), strict=True)
+        return SceneEvidence(recording, cameras, labels, self.fused.static, told)
+
+    def doubts(self, scene: SceneEvidence, interaction: Interaction) -> Mapping[int, Sequence[Doubt]]:
+        """The doubts about each part that an interaction handles, by id."""
+        handled = {p.id for p in interaction.parts}
+        closed = {f.moving.id: f.closed_probability for f in self.finished}
+        return {
+            part.id: doubts_about(
+                PartEvidence(scene, part, mesh, closed.get(part.id)), interaction.window.first
+            )
+            for part, mesh in scene.parts
+            if part.id in handled
         }
-        return beside_doubted([part for part, _ in mine], alone)
 
 
 def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPart:
@@ -157,22 +166,6 @@ def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPar
     carrier = part.moving.carrier
     stands = carrier is not None and carrier.id not in handled and part.moving.id in handled
     return part.standing() if stands else part
-
-
-def beside_doubted(
-    parts: Sequence[MovingPart], doubts: Mapping[int, Sequence[Doubt]]
-) -> Mapping[int, Sequence[Doubt]]:
-    """The doubts by part, with one for each part that moves when one does that is not trusted: either may
-    have taken what moved of the other, or both are one."""
-    moving = {p.id: set(p.motion.frames[moving_rows(p)]) for p in parts}
-    unsure = [p.id for p in parts if probability(doubts[p.id]) < TRUSTED]
-    out = dict(doubts)
-    for k in moving:
-        others = (o for o in unsure if o != k)
-        common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in others)
-        more = above("MovesWithDoubted", max(common, default=0.0), TOGETHER)
-        out[k] = (*doubts[k], *(() if more is None else (more,)))
-    return out
 
 
 def doubts_about(evidence: PartEvidence, first: int = 0) -> tuple[Doubt, ...]:

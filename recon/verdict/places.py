@@ -1,9 +1,9 @@
 """Whether each place of a part's surface was seen to move with it: depth alone, no tracks.
 
 A place that moves is seen where the part brings it, at two places that are apart, and one frame sees through
-what another one shows it at. A place that was labelled wrong (a wall, a table, a neighbour) is seen through
-where the part would bring it, or is still seen where it was when the part has left. A hand hides and never
-shows what is behind it. What slides within its own plane, is near a hinge, or out of view tells neither.
+what another one shows it at, in as many frames as contradict it: a place that was labelled wrong (a wall, a
+table, a neighbour) is seen through where the part would bring it, or is still seen where it was when the part
+has left. A hand hides and never shows what is behind it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ MOVING = 10
 RESTING = 4
 # Limits of depth that a place must move by. Chosen by us
 APART = 2.0
-# Fewest frames that contradict a place. Chosen by us
-TWICE = 2
 _BESIDE = 5  # px of the thinned picture: what is that near a place's ray may be it
 _UNKNOWN, _HIDDEN, _THERE, _EMPTY = 0, 1, 2, 3  # what a frame says of a point of the room
 
@@ -41,13 +39,9 @@ Bits = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Places:
-    """Shares of a part's area. witnessed: seen to move with it. contradicted: seen not to be there, or to
-    stay when the part has left; the rest was never told. followed: seen at two places that are apart. far:
-    goes far enough for that."""
+    """Shares of a part's area. witnessed: seen to move with it. far: goes far enough for that."""
 
     witnessed: float
-    contradicted: float
-    followed: float
     far: float
 
 
@@ -62,10 +56,9 @@ def places(twin: PosedTwin, part: MovingPart, mesh: Mesh) -> Places | None:
     posed = np.array([geo.transform(part.joint.pose(float(s)), points) for s in state])
     limit = APART * views[0].off
     far = np.linalg.norm(posed[np.argmax(state)] - posed[np.argmin(state)], axis=-1) > limit
-    followed, moved, against = _counted(twin, views, posed, limit)
-    contradicted = (against >= TWICE) & (against > moved)
+    moved, against = _counted(twin, views, posed, limit)
     witnessed = (moved > 0) & (moved >= against)
-    return Places(*(float(share.mean()) for share in (witnessed, contradicted, followed, far)))
+    return Places(float(witnessed.mean()), float(far.mean()))
 
 
 def looked_at(twin: PosedTwin, part: MovingPart) -> list[int]:
@@ -120,9 +113,9 @@ def _views(twin: PosedTwin, frames: list[int]) -> list[_View]:
 
 def _counted(
     twin: PosedTwin, views: list[_View], posed: Array, limit: float
-) -> tuple[Bits, NDArray[np.int64], NDArray[np.int64]]:
-    """Which places (n,) are seen at two positions farther apart than `limit` m, how many frames show each
-    moved there, how many contradict it. posed (F, n, 3): where the part brings them in each frame."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How many frames show each place (n,) moved to where it is seen, farther than `limit` m from another
+    position at which it is, and how many contradict it. posed (F, n, 3): where the part brings them."""
     frames = np.arange(len(views))
     # said[r, f]: what frame r says of the points as in frame f; left[r, f]: the twin is empty there in r.
     pairs = [_says(twin, view, posed.reshape(-1, 3)) for view in views]
@@ -134,7 +127,7 @@ def _counted(
     followed = there & (apart & there).any(axis=1)
     moved = followed & (said == _EMPTY).any(axis=0)
     stayed = (left & (said == _THERE) & there).any(axis=1)
-    return followed.any(axis=0), moved.sum(axis=0), ((own == _EMPTY) | stayed).sum(axis=0)
+    return moved.sum(axis=0), ((own == _EMPTY) | stayed).sum(axis=0)
 
 
 def _says(twin: PosedTwin, view: _View, points: Array) -> tuple[NDArray[np.int8], Bits]:

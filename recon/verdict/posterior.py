@@ -13,32 +13,23 @@ import numpy as np
 from recon.verdict.doubt import SURELY, Doubt
 from twin.verdict import Verdict
 
+# The questions that a part is asked, and the doubts that answer each: the worst of them counts.
+QUESTIONS: Mapping[str, tuple[str, ...]] = {
+    "joint": ("AxisUnsure", "PivotUnsure", "RangeUnsure"),
+    "closed end": ("ClosedEndUnsure",),
+    "surface": ("SurfaceUnseen",),
+    "depth": ("Unexplained", "StaticSeenThrough", "SeenThrough", "CamerasDrift"),
+    "labels": ("BareBorder",),
+}
 # Log odds of a part without a doubt.
-SOUND = 4.59
-# What a doubt of each type takes from them, times its amount.
+SOUND = 4.21
+# What a doubt about each question takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
-    "AxisUnsure": 1.20,
-    "PivotUnsure": 1.03,
-    "RangeUnsure": 1.20,
-    "TooShort": 1.20,
-    "NeverRests": 1.20,
-    "ClosedEndUnsure": 1.40,
-    "CreepsAtRest": 1.22,
-    "CamerasDrift": 1.20,
-    "HandWhereNobodyIs": 1.19,
-    "HandMovesNothing": 1.20,
-    "SmallSurface": 1.20,
-    "SurfaceUnseen": 1.20,
-    "SurfaceContradicted": 1.20,
-    "BareBorder": 1.46,
-    "LabelledElsewhere": 0.67,
-    "StaticSeenThrough": 1.25,
-    "Unexplained": 1.28,
-    "SeenThrough": 1.20,
-    "MotionUnexplained": 1.20,
-    "MotionUnseen": 0.58,
-    "FewLabels": 1.20,
-    "MovesWithDoubted": 1.20,
+    "joint": 1.32,
+    "closed end": 1.55,
+    "surface": 1.56,
+    "depth": 1.10,
+    "labels": 1.50,
 }
 # Probabilities from which on a part is trusted, and below which it is left out.
 TRUSTED, REFUSED = 0.95, 0.3
@@ -48,7 +39,10 @@ def probability(doubts: Sequence[Doubt]) -> float:
     """Of a part with these doubts: that its joint, its path and its labels are right."""
     if any(d.times == SURELY for d in doubts):
         return 0.0
-    return float(1.0 / (1.0 + np.exp(-(SOUND - sum(_worth(d) for d in doubts)))))
+    takes = sum(
+        max((_worth(d) for d in doubts if d.reason.type in q), default=0.0) for q in QUESTIONS.values()
+    )
+    return float(1.0 / (1.0 + np.exp(takes - SOUND)))
 
 
 def verdict_of(doubts: Sequence[Doubt]) -> Verdict:
@@ -72,4 +66,6 @@ def verdict_of(doubts: Sequence[Doubt]) -> Verdict:
 
 
 def _worth(doubt: Doubt) -> float:
-    return SURELY if doubt.times == SURELY else WEIGHTS[doubt.reason.type] * doubt.amount
+    if doubt.times == SURELY:
+        return SURELY
+    return next(WEIGHTS[q] for q, types in QUESTIONS.items() if doubt.reason.type in types) * doubt.amount

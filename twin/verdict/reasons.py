@@ -22,12 +22,6 @@ def reason(type: str, level: Level, *values: Any) -> Reason:
     return Reason.told(REASONS, type, *values, level=level)
 
 
-def _labels(n: Numbers) -> str:
-    if not n["frames"]:
-        return "none of {labelled} labelled frames shows it"
-    return "{frames} of {labelled} labelled frames show it (at least {limit})"
-
-
 def _free(n: Numbers) -> str:
     things = f"{{free}} thing{'s' * (n['free'] != 1)} moved freely" if n["free"] else "nothing moved"
     return f"{{kind}}; {things}"
@@ -63,23 +57,11 @@ REASONS: Mapping[str, Words] = {
         "its range of {range:.1f} {unit} is known to ± {sigma:.2f} {unit} (at least {limit:g} times that)",
         f"open it farther, or {CUT}, or {POINT_AT_IT}",
     ),
-    "TooShort": Words(  # rattling and drift go as far
-        "range unit limit",
-        "it hardly moves",
-        "it moves by {range:.1f} {unit} only (at least {limit:g} {unit})",
-        f"open it farther, or {POINT_AT_IT}",
-    ),
     "NoUncertainty": Words(
         "",
         "nothing says how well its joint is known",
         "{kind}",
         f"open it farther, with all of it in view, or {POINT_AT_IT}",
-    ),
-    "NeverRests": Words(
-        "share limit",
-        "it never rests",
-        "it moves in {share:.0f %} of the frames (at most {limit:g %})",
-        f"record a second of rest before and after the opening, or {POINT_AT_IT}",
     ),
     "ClosedEndUnsure": Words(
         "probability limit",
@@ -87,24 +69,11 @@ REASONS: Mapping[str, Words] = {
         "its closed end has a probability of {probability:.0f %} (at least {limit:g %})",
         f"close it in the recording, with what surrounds it in view, or {CUT}",
     ),
-    "CreepsAtRest": Words(
-        "creep unit limit",
-        "its state changes while it rests",
-        "its state changes by {creep:.1f} {unit} while it rests (at most {limit:g} {unit})",
-        f"keep all of it in view from rest to rest, or {CUT}",
-    ),
     "CamerasDrift": Words(
         "frame other off_m limit_m",
         "the path of the camera is wrong, or something that fills the view moved unnoticed",
         "frames {frame} and {other} see the room {off_m:.0f mm} apart (at most {limit_m:g mm})",
         f"move the camera slower, from farther away, with more of the room in view, or {CUT}",
-    ),
-    "HandWhereNobodyIs": Words(
-        "frame share limit",
-        "what stands still is taken for a hand",
-        "{share:.1f %} of frame {frame} is labelled hand, but stands still or lies on the twin "
-        "(at most {limit:g %})",
-        f"record a second of rest without the hand before and after, or {POINT_AT_IT}",
     ),
     "HandMovesNothing": Words(
         "first last",
@@ -118,36 +87,17 @@ REASONS: Mapping[str, Words] = {
         "{kind}",
         f"keep more of the part in view while it moves, or {POINT_AT_IT}",
     ),
-    "SmallSurface": Words(
-        "area_m2 limit_m2",
-        "its surface is tiny",
-        "its surface has {area_m2:.1f cm²} only (at least {limit_m2:g cm²})",
-        f"keep more of the part in view while it moves, or {POINT_AT_IT}",
-    ),
     "SurfaceUnseen": Words(
-        "share untold limit",
-        "hardly any of its surface was seen to move",
-        "{share:.0f %} of its surface was seen to move with it, {untold:.0f %} not told (at least {limit:g %})",
-        f"keep the whole part in view before, while and after it moves, or {POINT_AT_IT}",
-    ),
-    "SurfaceContradicted": Words(
         "share limit",
-        "some of its surface is not the part's",
-        "{share:.0f %} of its surface is seen not to move with it (at most {limit:g %})",
-        f"{POINT_AT_IT}, or {CUT}",
+        "hardly any of its surface was seen to move",
+        "{share:.0f %} of its surface was seen to move with it (at least {limit:g %})",
+        f"keep the whole part in view before, while and after it moves, or {POINT_AT_IT}",
     ),
     "BareBorder": Words(
         "frame share limit",
         "its border is no edge: a piece of it, or of what is beside it, is labelled wrong",
         "{share:.0f %} of its border in frame {frame} is no edge, in colour or depth (at most {limit:g %})",
         f"light it so that its gaps show, open it farther, or {POINT_AT_IT}",
-    ),
-    "LabelledElsewhere": Words(  # share: of the pixels that are labelled as it or should show it, those that are both
-        "frame share limit",
-        "it is labelled elsewhere than the twin has it",
-        "in frame {frame} its labels and its place in the twin share only {share:.0f %} of their pixels "
-        "(at least {limit:g %})",
-        f"keep all of it in view where it is open and where it is closed, or {POINT_AT_IT}",
     ),
     "StaticSeenThrough": Words(
         "frame share limit",
@@ -166,30 +116,6 @@ REASONS: Mapping[str, Words] = {
         "as it moves, it is seen through",
         "as it moves, {share:.1f %} of its pixels are seen through, most in frame {frame} (at most {limit:g %})",
         f"open it slower, with all of it in view, or {POINT_AT_IT}",
-    ),
-    "MotionUnexplained": Words(
-        "share limit",
-        "what changes as it moves does not look like the twin",
-        "{share:.0f %} of what changes as it moves does not look like the twin in its state (at most {limit:g %})",
-        f"open one part at a time, slowly, or {POINT_AT_IT}",
-    ),
-    "MotionUnseen": Words(
-        "share limit",
-        "its surface is hardly seen to move",
-        "as it moves, {share:.1f %} of its pixels are seen to come nearer or to go farther (at least {limit:g %})",
-        f"open it farther, seen from where it comes towards the camera or goes away from it, or {POINT_AT_IT}",
-    ),
-    "FewLabels": Words(
-        "frames labelled limit",
-        "hardly any labelled frame shows it",
-        _labels,
-        f"keep the part in view, before and after it moves too, or {POINT_AT_IT}",
-    ),
-    "MovesWithDoubted": Words(  # share: of the frames in which either moves
-        "share limit",
-        "something that is not trusted moves when it does",
-        "what is not trusted moves in {share:.0f %} of the frames in which either does (at most {limit:g %})",
-        f"open one part at a time, all of it in view, or {POINT_AT_IT}",
     ),
     "NothingArticulated": Words(  # free: how many things moved by no joint, a hand among them
         "free",

@@ -6,12 +6,9 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.in_motion import InMotion
 from recon.verdict.places import Places
-from twin.scene import Joint, Mesh, Prismatic, Revolute
+from twin.scene import Joint, Prismatic, Revolute
 
 
 def with_sigma(e: PartEvidence, **values: float) -> PartEvidence:
@@ -21,23 +18,6 @@ def with_sigma(e: PartEvidence, **values: float) -> PartEvidence:
 
 def with_labels(e: PartEvidence, labels: dict[int, Any]) -> PartEvidence:
     return replace(e, scene=replace(e.scene, labels=labels))
-
-
-def moving_during(e: PartEvidence, share: float) -> PartEvidence:
-    frames = e.part.motion.frames
-    span = (int(frames[0]), int(frames[round(share * len(frames)) - 1]))
-    return replace(e, part=replace(e.part, motion=replace(e.part.motion, intervals=(span,))))
-
-
-def shown_in(e: PartEvidence, frames: int) -> PartEvidence:
-    labels = {
-        f: image if k < frames else np.ones_like(image) for k, (f, image) in enumerate(e.scene.labels.items())
-    }
-    return with_labels(e, labels)
-
-
-def scaled(mesh: Mesh, area: float) -> Mesh:
-    return Mesh(mesh.vertices * np.sqrt(area / mesh.area), mesh.faces)
 
 
 def ranging(e: PartEvidence, span: float, kind: type[Joint] = Revolute) -> PartEvidence:
@@ -57,7 +37,7 @@ def with_known(e: PartEvidence, **known: Any) -> PartEvidence:
 def with_places(e: PartEvidence, **shares: float) -> PartEvidence:
     """Evidence with these shares of the surface, of one that is known well in all else."""
     out = replace(e)
-    vars(out)["places"] = replace(Places(0.8, 0.0, 0.8, 1.0), **shares)
+    vars(out)["places"] = replace(Places(0.8, 1.0), **shares)
     return out
 
 
@@ -65,14 +45,6 @@ def with_border(e: PartEvidence, share: float) -> PartEvidence:
     """Evidence of which this share of the border at rest is no edge."""
     out = replace(e)
     vars(out)["bare_border"] = (4, share)
-    return out
-
-
-def with_motion(e: PartEvidence, right: float, **shares: float) -> PartEvidence:
-    """Evidence of which this share of its pixels is seen to move as the twin says, with these shares of its
-    surface."""
-    out = with_places(e, **shares)
-    vars(out)["in_motion"] = InMotion(10_000, 0, round(10_000 * right), 0, 0)
     return out
 
 

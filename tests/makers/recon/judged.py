@@ -61,12 +61,15 @@ def _true(clip: Clip) -> PartEvidence:
 
 
 def _with(clip: Clip, labels: Any) -> PartEvidence:
-    movers, mask = movers_of(clip)
     part = part_of(clip)
-    tracks = PartTracks(part, mask, "motion")
-    found = FoundParts(movers, (tracks,))
-    scene = SceneEvidence(clip.recording, clip.cameras, labels, found, clip.static, ((part, clip.mesh),))
-    return PartEvidence(scene, part, clip.mesh, tracks)
+    scene = SceneEvidence(clip.recording, clip.cameras, labels, clip.static, ((part, clip.mesh),))
+    return PartEvidence(scene, part, clip.mesh)
+
+
+def found_in(clip: Clip) -> FoundParts:
+    """The clip's part as it was found: with a track on each of its triangles."""
+    movers, mask = movers_of(clip)
+    return FoundParts(movers, (PartTracks(part_of(clip), mask, "motion"),))
 
 
 def with_depth(e: PartEvidence, change: Callable[[Array], Array]) -> PartEvidence:

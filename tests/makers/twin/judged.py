@@ -9,7 +9,7 @@ from twin.scene import Twin
 from twin.verdict import Verdict, of_twin, reason
 
 DOUBT = reason("AxisUnsure", "doubtful", 1.25, 0.5)
-REFUSAL = reason("FewLabels", "refused", 0, 30, 3)
+REFUSAL = reason("SurfaceUnseen", "refused", 0.1, 0.3)
 NOTHING = reason("NothingArticulated", "refused", 1)
 
 

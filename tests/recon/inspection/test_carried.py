@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from recon.contact.finish_parts import FinishedPart
@@ -14,7 +15,8 @@ from recon.interaction.interaction import Interaction
 from recon.verdict.judge import Fault, Judged, judge
 from recon.windows.windows import Window
 from tests.makers.recon.cabinets import Clip, make_clip
-from tests.makers.recon.judged import as_one, perfect
+from tests.makers.recon.judged import as_one, found_in, perfect
+from twin.scene import HAND_LABEL
 from twin.verdict import Reason, of_twin, verdict_document, verdict_from
 
 LATE = finding("DepthDelayed", 2, 0.133, 0.002)
@@ -31,12 +33,11 @@ def judged(clip: Clip, faults: tuple[Reason, ...], surface: bool = True) -> Judg
     e = perfect(clip)
     finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),) if surface else ()
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
-    found = replace(e.scene.found, parts=(e.tracks,))
     return judge(
         clip.recording,
         clip.cameras,
         clip.labels,
-        as_one(clip.recording, found),
+        as_one(clip.recording, found_in(clip)),
         (e.part,),
         fused,
         finished,
@@ -93,9 +94,9 @@ def test_a_window_in_which_no_part_was_found_doubts_the_scene(clip: Clip) -> Non
     e = perfect(clip)
     finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
-    (one,) = as_one(clip.recording, replace(e.scene.found, parts=(e.tracks,)))
+    (one,) = as_one(clip.recording, found_in(clip))
     last = len(clip.recording) - 1
-    empty = Interaction(Window(0, last, (3, 9)), replace(e.scene.found, parts=()), (), {})
+    empty = Interaction(Window(0, last, (3, 9)), replace(found_in(clip), parts=()), (), {})
 
     def told(*interactions: Interaction) -> Judged:
         return judge(clip.recording, clip.cameras, clip.labels, interactions, (e.part,), fused, finished)
@@ -107,3 +108,20 @@ def test_a_window_in_which_no_part_was_found_doubts_the_scene(clip: Clip) -> Non
     assert (
         of_twin({"door": told(one, empty).parts[e.part.id]}, own=told(one, empty).scene).level == "doubtful"
     )
+
+
+def test_a_hand_that_moves_nothing_doubts_the_scene_and_no_part(clip: Clip) -> None:
+    """Its window begins at frame 4 of the recording; the part itself is as good as ever."""
+    e = perfect(clip)
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    fused = FusedScene(clip.static, {e.part.id: clip.mesh})
+    (one,) = as_one(clip.recording, found_in(clip))
+    late = replace(one, window=Window(4, len(clip.recording) - 1))
+    visit = (17, 23)  # after the motion, in a part of the picture that the twin explains
+    hand = np.full_like(clip.labels[0], HAND_LABEL)
+    labels = {f: hand if visit[0] <= f <= visit[1] else image for f, image in clip.labels.items()}
+    slow = replace(clip.recording, times=10.0 * clip.recording.times)
+    told = judge(slow, clip.cameras, labels, (late,), (e.part,), fused, finished)
+    reasons = [r for r in told.scene if r.type == "HandMovesNothing"]
+    assert [r.level for r in reasons] == ["doubtful"]
+    assert reasons[0].numbers["last"] == max(f for f in labels if f <= visit[1])

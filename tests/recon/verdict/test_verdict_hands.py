@@ -1,4 +1,4 @@
-"""Hands at the ends of a recording: true ones are no reason, and what is labelled hand and is none is one."""
+"""Hands: what is labelled hand and rests needs an explanation, and a visit of one moves something."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recon.verdict import hand_visits, of_parts, of_video
+from recon.verdict import hand_visits, of_parts
 from recon.verdict.evidence import PartEvidence
 from tests.makers.recon.cabinets import FRAMES, Clip, Kind, make_clip
 from tests.makers.recon.judged import perfect, with_depth
@@ -25,50 +25,9 @@ def hand_labels(clip: Clip, last: int) -> dict[int, Any]:
     return {f: image for f, image in clip.labels.items() if f <= last}
 
 
-@pytest.mark.parametrize("kind", ["door", "slide"])
-def test_a_true_hand_at_an_end_is_no_reason(kind: Kind) -> None:
-    """The recording ends while the hand moves the part, with half an arm in view that does not reach the
-    border."""
-    clip = make_clip(kind)
-    for last in (10, 12, 14, 16):
-        labels = hand_labels(clip, last)
-        assert (labels[last] == HAND_LABEL).mean() > of_video.HAND_AT_END
-        assert of_video.hand_is_one(perfect(clip, labels)) is None
-
-
 def painted(clip: Clip, frame: int, what: Any) -> dict[int, Any]:
     """The true labels, with hand in a frame where `what` (H, W) says so."""
     return clip.labels | {frame: np.where(what, np.uint8(HAND_LABEL), clip.labels[frame])}
-
-
-def block(clip: Clip, share: float) -> Any:
-    """A block (H, W) in the middle of the picture that covers a share of it, rounded to whole pixels of the
-    thinned one."""
-    image = np.zeros(next(iter(clip.labels.values())).shape, bool)
-    high, wide = (round(n * np.sqrt(share)) for n in image.shape)
-    image[70 : 70 + high, 110 : 110 + wide] = True
-    return image
-
-
-@pytest.mark.parametrize("frame", [0, FRAMES - 2])
-def test_hand_that_has_the_depth_of_the_twin_is_none(frame: int) -> None:
-    clip = make_clip("door")
-    told = of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.016))))
-    assert told.reason.type == "HandWhereNobodyIs"
-    assert told.reason.numbers["frame"] == frame
-    np.testing.assert_allclose(told.reason.numbers["share"], 0.016, rtol=0.15)
-    assert of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.008)))) is None
-
-
-@pytest.mark.parametrize("frame", [0, FRAMES - 2])
-def test_a_missed_part_that_was_labelled_hand_is_none(frame: int) -> None:
-    """It stands before all that the twin shows, and keeps its place."""
-    clip = make_clip("drawer")
-    missed = painted(clip, frame, clip.labels[frame] == 2)
-    e = with_labels(perfect(clip), missed, None)
-    told = of_video.hand_is_one(e)
-    assert told.reason.type == "HandWhereNobodyIs"
-    assert told.reason.numbers["frame"] == frame
 
 
 def changing(e: PartEvidence, since: int, depth: Array) -> PartEvidence:
@@ -80,40 +39,6 @@ def changing(e: PartEvidence, since: int, depth: Array) -> PartEvidence:
         e.scene.recording, read_depth=lambda f: (depth if f >= since else first).astype(np.float32)
     )
     return replace(e, scene=replace(e.scene, recording=recording, cameras=cameras))
-
-
-@pytest.mark.parametrize("since", [1, 6])
-def test_what_leaves_may_be_a_hand(since: int) -> None:
-    """Even if most of the frames still see it."""
-    clip = make_clip("drawer")
-    thing = clip.labels[0] == 2
-    e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
-    depth = clip.recording.depth(0)
-    assert of_video.hand_is_one(changing(e, since, depth)).reason.type == "HandWhereNobodyIs"
-    assert of_video.hand_is_one(changing(e, since, np.where(thing, depth + 0.2, depth))) is None
-
-
-def test_fingers_may_rest_while_the_arm_moves() -> None:
-    clip = make_clip("drawer")
-    thing = clip.labels[0] == 2
-    column = np.quantile(np.nonzero(thing)[1], [0.3, 0.5])
-    e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
-    depth = clip.recording.depth(0)
-    fingers, half = (np.where(thing & (np.arange(thing.shape[1]) > x), depth + 0.2, depth) for x in column)
-    assert of_video.hand_is_one(changing(e, 1, fingers)) is None
-    assert of_video.hand_is_one(changing(e, 1, half)).reason.type == "HandWhereNobodyIs"
-
-
-@pytest.mark.parametrize(("kind", "told"), [("drawer", False), ("door", True)])
-def test_what_reaches_the_border_may_be_an_arm_unless_it_is_too_large(kind: Kind, told: bool) -> None:
-    """The front of the drawer shows 0.12 m^2, the door 0.4 m^2."""
-    clip = make_clip(kind)
-    arm = (np.arange(clip.labels[0].shape[1]) == 100)[None] & (clip.labels[0] != 2)
-    near = with_depth(perfect(clip), lambda depth: np.where(arm, 0.5, depth))
-    labels = {0: painted(clip, 0, arm | (clip.labels[0] == 2))[0]}
-    e = changing(with_labels(near, labels, None), FRAMES, np.zeros(0))
-    assert (of_video.hand_is_one(e) is not None) == told
-    assert of_video.hand_is_one(with_labels(e, {}, None)) is None
 
 
 def ending(e: PartEvidence, last: int) -> PartEvidence:
@@ -170,7 +95,7 @@ def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
     short look in is no visit."""
     clip = make_clip(kind)
     e = perfect(clip)
-    assert of_video.hand_moves_something(e) is None
+    assert e.scene.idle_visit is None
     (part, mesh), *_ = e.scene.parts
     motion = part.motion
     hands = [f for f in clip.labels if (clip.labels[f] == HAND_LABEL).mean() > 0.004]
@@ -180,9 +105,7 @@ def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
         replace(motion, state=shake * np.ptp(motion.state)),
     ):
         scene = replace(e.scene, parts=((replace(part, motion=other), mesh),))
-        told = of_video.hand_moves_something(replace(e, scene=scene))
-        assert told.reason.type == "HandMovesNothing"
-        assert (told.reason.numbers["first"], told.reason.numbers["last"]) == (min(hands), max(hands))
+        assert scene.idle_visit == (min(hands), max(hands))
     brief = {
         f: np.where(image == HAND_LABEL, 1, image) if f != hands[1] else image
         for f, image in clip.labels.items()
@@ -190,7 +113,7 @@ def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
     scene = replace(
         e.scene, labels=brief, parts=((replace(part, motion=replace(motion, intervals=())), mesh),)
     )
-    assert of_video.hand_moves_something(replace(e, scene=scene)) is None
+    assert scene.idle_visit is None
 
 
 @pytest.mark.parametrize(("seconds", "idle"), [(2.5, False), (3.5, True)])
@@ -231,51 +154,3 @@ def test_between_two_motions_a_hand_leaves_one_part_and_reaches_for_the_next(
     labels = {int(f): np.full(clip.labels[0].shape, HAND_LABEL, np.uint8) for f in frames}
     recording = replace(e.scene.recording, times=frames / 10)
     assert hand_visits.idle_visit(recording, labels, [moved]) == idle
-
-
-@pytest.mark.parametrize(
-    ("frame", "share", "border_m", "told"),
-    [
-        (6, 0.05, 1.0, True),
-        (6, 0.05, 0.8, False),
-        (6, 0.02, 1.0, False),
-        (0, 0.02, 1.0, True),
-        (0, 0.02, 0.8, False),
-    ],
-)
-def test_a_board_that_is_labelled_hand_at_rest_is_none(
-    frame: int, share: float, border_m: float, told: bool
-) -> None:
-    """It lies still, 1 m away, and as far where it meets the border of the picture; an arm that comes from
-    the side is nearer there."""
-    clip = make_clip("drawer")
-    image = np.zeros(clip.labels[0].shape, bool)
-    high = image.shape[0] // 3
-    wide = round(share * image.size / high)
-    image[high : 2 * high, :wide] = True
-    ahead = np.interp(np.arange(image.shape[1]), (0, wide), (border_m, 1.0))
-    e = with_depth(perfect(clip), lambda seen: np.where(image, ahead, seen))
-    nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
-    labels = nobody | {frame: np.where(image, np.uint8(HAND_LABEL), nobody[frame])}
-    still = changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0))
-    found = of_video.hand_is_one(still)
-    assert (found is not None) == told
-    if found is not None:
-        assert found.reason.type == "HandWhereNobodyIs"
-        assert found.reason.numbers["frame"] == frame
-        np.testing.assert_allclose(found.reason.numbers["share"], share, rtol=0.2)
-
-
-@pytest.mark.parametrize(("columns", "near", "told"), [(18, 0.4, False), (60, 0.4, True), (18, 0.95, True)])
-def test_an_arm_that_rests_is_one_though_labels_lost_its_end(columns: int, near: float, told: bool) -> None:
-    """Narrow and nearer towards the border it is an arm; as wide as a board, or as far at both ends, it is
-    none."""
-    clip = make_clip("drawer")
-    image = np.zeros(clip.labels[0].shape, bool)
-    image[60:125, 80 : 80 + columns] = True
-    ahead = np.interp(np.arange(image.shape[0]), (60, 125), (1.0, near))[:, None]
-    e = with_depth(perfect(clip), lambda seen: np.where(image, ahead, seen))
-    nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
-    labels = nobody | {6: np.where(image, np.uint8(HAND_LABEL), nobody[6])}
-    found = of_video.hand_is_one(changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0)))
-    assert (found is not None) == told

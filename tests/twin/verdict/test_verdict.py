@@ -40,7 +40,7 @@ def test_a_verdict_is_the_worst_of_its_reasons() -> None:
     ]  # fmt: skip
     assert Verdict((DOUBT, REFUSAL)).main is REFUSAL
     assert Verdict((DOUBT, REFUSAL)).text.startswith(
-        "refused: none of 30 labelled frames shows it; keep the part"
+        "refused: 10 % of its surface was seen to move with it (at least 30 %); keep the whole part"
     )
     assert Verdict((DOUBT, REFUSAL)).text.endswith("(and 1 more reason)")
     assert Verdict().text == "trusted"
@@ -59,7 +59,7 @@ def test_what_is_left_out_makes_the_rest_doubtful_and_nothing_refused() -> None:
     beside = of_twin({"a": Verdict()}, lost)
     assert beside.level == "doubtful"
     assert [r.text for r in beside.reasons] == [
-        "b, refused and not written: none of 30 labelled frames shows it"
+        "b, refused and not written: 10 % of its surface was seen to move with it (at least 30 %)"
     ]
     assert of_twin({}, lost).level == "refused"
 

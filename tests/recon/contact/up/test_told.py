@@ -20,7 +20,7 @@ from twin.scene import Twin
 from twin.verdict import Reason, reason
 
 DOUBT = reason("UpUnsure", "doubtful", 3.0, ODDS, "0.0,-0.7,-0.7", "0.0,-0.7,0.7")
-ANOTHER = reason("HandWhereNobodyIs", "doubtful", 3, 0.1, 0.03)
+ANOTHER = reason("BareBorder", "doubtful", 3, 0.3, 0.2)
 
 
 def twin_with(doubt: Reason | None) -> Twin:
