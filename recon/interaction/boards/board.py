@@ -58,10 +58,12 @@ def extents(pictures: Pictures, recording: Recording, seed: Seed, others: Sequen
     stays = _stays(pictures, seed, flat | handle)
     pieces = [o.mask for o in others if o.rest == seed.rest and (o.mask & flat).sum() > _LEFT * o.mask.sum()]
     masks = [seed.mask, np.logical_or.reduce([seed.mask, *pieces])][: 2 if pieces else 1]
+    own = seed.mask & (flat | handle)  # an arm that holds it is of one piece with it
+    own = own if own.any() else seed.mask
     for level in _LEVELS:
-        mask = _grown(seed.mask, flat & (edge < level * usual))
-        mask = (mask & flat) | (_filled(mask) & handle) | seed.mask
-        masks += [m for m in (_piece(mask & ~stays, seed.mask), mask) if not any(_alike(m, o) for o in masks)]
+        mask = _grown(own, flat & (edge < level * usual))
+        mask = (mask & flat) | (_filled(mask) & handle) | own
+        masks += [m for m in (_piece(mask & ~stays, own), mask) if not any(_alike(m, o) for o in masks)]
     return [Seed.of(pictures, seed.rest, m, _bounded(m, within)) for m in masks]
 
 

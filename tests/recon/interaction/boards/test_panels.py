@@ -153,3 +153,22 @@ def test_a_thin_strip_of_a_scattered_panel_is_grown_to_all_of_it() -> None:
     assert np.ptp(strip.points[:, 0]) < 0.08
     told = np.quantile(board.points[:, 0], (0.01, 0.99))
     assert told == pytest.approx((low + 0.05, high + 0.05), abs=0.03)
+
+
+def test_an_arm_that_holds_a_board_is_none_of_it() -> None:
+    """A drawer's front that comes out by 20 cm, held at the end by an arm that leans towards the camera from
+    its middle on: they are of one piece, and boards are what lies on the front."""
+    held = (np.abs(U - 80) < 7) & (V >= 60)
+    arm = np.where(held, NEAR - 0.2 - 0.012 * (V - 60), np.inf)
+    closed = depth_of(-0.25, 0.25)
+    depth = [closed] * 8 + [np.minimum(depth_of(-0.25, 0.25, NEAR - 0.2), arm).astype(np.float32)] * 16
+    recording, cameras = recorded(depth)
+    pictures = Pictures.of(recording, cameras)
+    seed = max(seeds(pictures, FRAMES - 1), key=lambda s: len(s.points))
+    assert seed.points[:, 2].min() < 0.5
+    every, *boards = extents(pictures, recording, seed)
+    assert every is seed or len(every.points) == len(seed.points)
+    assert boards
+    for board in boards:
+        assert board.points[:, 2].min() > NEAR - 0.2 - 0.08
+        assert np.ptp(board.points[:, 0]) == pytest.approx(0.5, abs=0.03)
