@@ -63,8 +63,12 @@ class _Profiles:
 def bare_border(
     twin: PosedTwin, part: MovingPart, labels: Mapping[int, NDArray[np.uint8]]
 ) -> tuple[int, float] | None:
-    """Of the rests before and after a part's motion the one where more of its border with the static scene
-    shows no edge: its middle label image, and the share. None without enough border."""
+    """Of the rests before and after a part's motion the one where less of its border with the static scene
+    shows no edge: its middle label image, and the share. None without enough border.
+
+    A front that closes flush has a gap that no picture may show; where it stands open its border is a step in
+    depth. Labels that have lost a piece of the part, or hold a piece of the room, end nowhere in either.
+    """
     first, last = part.motion.intervals[0][0], part.motion.intervals[-1][1]
     size = {f: int(np.count_nonzero(labels[f] == part.id)) for f in sorted(labels)}
     usual = float(np.median([n for n in size.values() if n] or [0]))
@@ -74,7 +78,7 @@ def bare_border(
         _middle([(f, s) for f in rest if (s := _bare(twin, part.id, f, labels[f])) is not None])
         for rest in rests
     ]
-    return max((t for t in told if t is not None), key=lambda t: t[1], default=None)
+    return min((t for t in told if t is not None), key=lambda t: t[1], default=None)
 
 
 def _bare(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -> float | None:

@@ -90,7 +90,8 @@ class PartEvidence:
 
     @cached_property
     def bare_border(self) -> tuple[int, float] | None:
-        """A frame of rest with most of its border without edge, and that share; None if unmoved, unseen."""
+        """A frame of the rest that shows more of its border as an edge, and the share that is none; None if
+        unmoved, unseen."""
         if not self.part.motion.intervals:
             return None
         return bare_border(self.scene.posed, self.part, self.scene.labels)

@@ -22,7 +22,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 38, ())
+VERDICT = Stage("verdict", 39, ())
 # Numbers of reasons that are frames.
 _FRAMES = {"frame", "other", "first", "last"}
 

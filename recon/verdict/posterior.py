@@ -22,14 +22,14 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "labels": ("BareBorder",),
 }
 # Log odds of a part without a doubt.
-SOUND = 4.21
+SOUND = 3.92
 # What a doubt about each question takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
-    "joint": 1.32,
-    "closed end": 1.55,
-    "surface": 1.56,
-    "depth": 1.10,
-    "labels": 1.50,
+    "joint": 1.24,
+    "closed end": 1.59,
+    "surface": 1.50,
+    "depth": 1.32,
+    "labels": 1.48,
 }
 # Probabilities from which on a part is trusted, and below which it is left out.
 TRUSTED, REFUSED = 0.95, 0.3

@@ -133,11 +133,15 @@ def test_a_hand_a_small_part_and_one_that_never_rests_say_nothing() -> None:
     assert told(grey(), plane(0.3), moving=0) == 1.0
 
 
-def test_the_worse_rest_counts() -> None:
-    """Even before the motion, cut off by colour after it."""
-    shown = [grey()] * 6 + [grey() + 15.0 * INSIDE] * 6
-    for order in (shown, shown[::-1]):
-        assert of_frames(order, plane(0.3)) == 1.0
+def test_the_rest_that_shows_more_edges_counts() -> None:
+    """Even before the motion, as a front that closes flush, cut off by half of its outline or all of it after
+    it."""
+    half = np.zeros_like(INSIDE)
+    half[40:170, 100:220] = True
+    for edge, share in ((INSIDE, 0.0), (half, 120 / 420)):
+        shown = [grey()] * 6 + [grey() + 15.0 * edge] * 6
+        for order in (shown, shown[::-1]):
+            assert of_frames(order, plane(0.3)) == pytest.approx(share, abs=0.05)
 
 
 def test_a_frame_that_the_part_has_left_is_not_looked_at() -> None:
@@ -145,6 +149,6 @@ def test_a_frame_that_the_part_has_left_is_not_looked_at() -> None:
     left = np.full_like(WHOLE, STATIC_LABEL)
     left[80:130, 100:130] = PART
     images = dict.fromkeys(range(0, FRAMES, 3), WHOLE)
-    pictures = [gap()] * 8 + [grey()] * (FRAMES - 8)
-    assert of_frames(pictures, plane(0.0), images | {9: left}) == 0.0
-    assert of_frames(pictures, plane(0.0), images) == 1.0
+    pictures = [grey()] * 8 + [gap()] * (FRAMES - 8)
+    assert of_frames(pictures, plane(0.0), images | {9: left}) == 1.0
+    assert of_frames(pictures, plane(0.0), images) == 0.0

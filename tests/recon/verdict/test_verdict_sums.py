@@ -9,6 +9,7 @@ import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
+from recon.verdict import posterior
 from recon.verdict.doubt import SURELY, Doubt
 from recon.verdict.judge import clearest, doubts_about, judge, of_looks
 from recon.verdict.posterior import QUESTIONS, WEIGHTS, probability, verdict_of
@@ -72,8 +73,9 @@ def test_every_doubt_answers_one_question() -> None:
     assert set(WEIGHTS) == set(QUESTIONS)
 
 
-def test_a_doubt_just_beyond_its_limit_is_no_reason_alone() -> None:
-    barely = verdict_of([Doubt(reason("Unexplained", "doubtful", 3, 0.00202, 0.002), 1.01)])
+def test_what_is_trusted_all_the_same_keeps_no_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(posterior, "SOUND", 6.0)
+    barely = verdict_of(doubts("Unexplained", times=1.01))
     assert barely.level == "trusted"
     assert barely.reasons == ()
     assert 0.95 <= barely.probability < probability([])  # type: ignore[operator]
