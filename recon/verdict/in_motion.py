@@ -23,11 +23,16 @@ def seen_through(twin: PosedTwin, part: MovingPart) -> tuple[int, float] | None:
     return (max(counts, key=lambda f: counts[f][1]), through / own) if own else None
 
 
+def moving_rows(part: MovingPart) -> NDArray[np.int64]:
+    """Rows of the part's motion that lie within its intervals."""
+    frames = part.motion.frames
+    inside = [(frames >= first) & (frames <= last) for first, last in part.motion.intervals]
+    return np.flatnonzero(np.logical_or.reduce(inside)) if inside else np.zeros(0, np.int64)
+
+
 def frames_by_travel(part: MovingPart, count: int) -> list[int]:
     """Frames in which the part moves, evenly over its travel, without the ends of it."""
-    frames, state = part.motion.frames, part.motion.state
-    inside = [(frames >= first) & (frames <= last) for first, last in part.motion.intervals]
-    rows = np.flatnonzero(np.logical_or.reduce(inside)) if inside else np.zeros(0, np.int64)
+    frames, state, rows = part.motion.frames, part.motion.state, moving_rows(part)
     if not len(rows):
         return []
     travel = np.cumsum(np.abs(np.diff(state, prepend=state[:1])))[rows]

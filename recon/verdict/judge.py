@@ -13,16 +13,20 @@ from recon.fusion.fuse import FusedScene
 from recon.interaction.interaction import Interaction, cameras_of, during, frames_of
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
-from recon.verdict.doubt import Doubt
+from recon.verdict.doubt import Doubt, above
 from recon.verdict.evidence import PartEvidence, SceneEvidence
+from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
-from recon.verdict.posterior import probability, verdict_of
+from recon.verdict.posterior import TRUSTED, probability, verdict_of
 from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 39, ())
+VERDICT = Stage("verdict", 40, ())
+# Of the frames in which either of two parts moves, those in which both do: a hand opens one part. Right parts
+# of open recordings (looked at): 0 to .08 in 14, .28 in one; one part that was found as two: .44 to .79.
+TOGETHER = 0.3
 # Numbers of reasons that are frames.
 _FRAMES = {"frame", "other", "first", "last"}
 
@@ -152,13 +156,14 @@ class _Told:
         """The doubts about each part that an interaction handles, by id."""
         handled = {p.id for p in interaction.parts}
         closed = {f.moving.id: f.closed_probability for f in self.finished}
-        return {
+        mine = [(part, mesh) for part, mesh in scene.parts if part.id in handled]
+        alone = {
             part.id: doubts_about(
                 PartEvidence(scene, part, mesh, closed.get(part.id)), interaction.window.first
             )
-            for part, mesh in scene.parts
-            if part.id in handled
+            for part, mesh in mine
         }
+        return beside_doubted([part for part, _ in mine], alone)
 
 
 def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPart:
@@ -166,6 +171,22 @@ def _on_what_stands(part: FinishedPart, handled: Collection[int]) -> FinishedPar
     carrier = part.moving.carrier
     stands = carrier is not None and carrier.id not in handled and part.moving.id in handled
     return part.standing() if stands else part
+
+
+def beside_doubted(
+    parts: Sequence[MovingPart], doubts: Mapping[int, Sequence[Doubt]]
+) -> Mapping[int, Sequence[Doubt]]:
+    """The doubts by part, with one for each part that moves when one does that is not trusted: either may
+    have taken what moved of the other, or both are one."""
+    moving = {p.id: set(p.motion.frames[moving_rows(p)]) for p in parts}
+    unsure = [p.id for p in parts if probability(doubts[p.id]) < TRUSTED]
+    out = dict(doubts)
+    for k in moving:
+        others = (o for o in unsure if o != k)
+        common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in others)
+        more = above("MovesWithDoubted", max(common, default=0.0), TOGETHER)
+        out[k] = (*doubts[k], *(() if more is None else (more,)))
+    return out
 
 
 def doubts_about(evidence: PartEvidence, first: int = 0) -> tuple[Doubt, ...]:

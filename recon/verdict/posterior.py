@@ -20,16 +20,18 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "surface": ("SurfaceUnseen",),
     "depth": ("Unexplained", "StaticSeenThrough", "SeenThrough", "CamerasDrift"),
     "labels": ("BareBorder",),
+    "alone": ("MovesWithDoubted",),
 }
 # Log odds of a part without a doubt.
 SOUND = 3.92
 # What a doubt about each question takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
-    "joint": 1.24,
-    "closed end": 1.59,
-    "surface": 1.50,
-    "depth": 1.32,
-    "labels": 1.48,
+    "joint": 1.27,
+    "closed end": 1.57,
+    "surface": 1.53,
+    "depth": 0.93,
+    "labels": 1.86,
+    "alone": 1.95,
 }
 # Probabilities from which on a part is trusted, and below which it is left out.
 TRUSTED, REFUSED = 0.95, 0.3

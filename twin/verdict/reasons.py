@@ -117,6 +117,12 @@ REASONS: Mapping[str, Words] = {
         "as it moves, {share:.1f %} of its pixels are seen through, most in frame {frame} (at most {limit:g %})",
         f"open it slower, with all of it in view, or {POINT_AT_IT}",
     ),
+    "MovesWithDoubted": Words(  # share: of the frames in which either moves
+        "share limit",
+        "something that is not trusted moves when it does",
+        "what is not trusted moves in {share:.0f %} of the frames in which either does (at most {limit:g %})",
+        f"open one part at a time, all of it in view, or {POINT_AT_IT}",
+    ),
     "NothingArticulated": Words(  # free: how many things moved by no joint, a hand among them
         "free",
         "nothing articulated was found",

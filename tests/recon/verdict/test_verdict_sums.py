@@ -9,9 +9,10 @@ import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
+from recon.interaction.parts.find_parts import PartTracks
 from recon.verdict import posterior
 from recon.verdict.doubt import SURELY, Doubt
-from recon.verdict.judge import clearest, doubts_about, judge, of_looks
+from recon.verdict.judge import Judged, beside_doubted, clearest, doubts_about, judge, of_looks
 from recon.verdict.posterior import QUESTIONS, WEIGHTS, probability, verdict_of
 from tests.makers.recon.cabinets import Clip
 from tests.makers.recon.judged import as_one, found_in, perfect
@@ -105,6 +106,53 @@ def test_what_two_interactions_show_is_not_left_out_for_its_doubts() -> None:
     assert of_looks([many, alone]) == verdict_of(many)
     assert of_looks([alone, alone]).level == "refused"
     assert clearest([alone, many, few]) is few
+
+
+def judged_beside(clip: Clip, frames: int) -> Judged:
+    """A door judged beside a part without a surface, which moves when it does for all but so many frames."""
+    e = perfect(clip)
+    (first, last), *_ = e.part.motion.intervals
+    motion = replace(e.part.motion, intervals=((first + frames, last + frames),))
+    other = replace(e.part, id=e.part.id + 1, motion=motion)
+    (tracks,) = found_in(clip).parts
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    fused = FusedScene(clip.static, {e.part.id: clip.mesh})
+    found = replace(found_in(clip), parts=(tracks, PartTracks(other, tracks.members, "motion")))
+    return judge(
+        clip.recording,
+        clip.cameras,
+        clip.labels,
+        as_one(clip.recording, found),
+        (e.part, other),
+        fused,
+        finished,
+    )
+
+
+def test_what_moves_together_with_what_was_refused_is_doubted(clip: Clip) -> None:
+    """Each frame of difference is one less in common and one more of either."""
+    span = clip.part.motion.intervals[0]
+    length = span[1] - span[0] + 1
+    few, many = length // 3, length * 2 // 3
+    assert (length - few) / (length + few) > 0.3 > (length - many) / (length + many)
+    told = judged_beside(clip, few)
+    assert told.parts[clip.part.id + 1].level == "refused"
+    beside, apart = (judged_beside(clip, k).parts[clip.part.id] for k in (few, many))
+    assert beside.probability < apart.probability  # type: ignore[operator]
+    assert apart.level == "trusted"
+
+
+@pytest.mark.parametrize(("types", "told"), [((), False), (FEW, True), (MANY, True)])
+def test_what_moves_together_with_a_doubtful_part_is_doubted(
+    types: tuple[str, ...], told: bool, clip: Clip
+) -> None:
+    """As where one door was found as two, each with half of its motion. Two that are trusted may move
+    together: a person has two hands."""
+    one, other = clip.part, replace(clip.part, id=clip.part.id + 1)
+    its = doubts(*types, times=2.0)
+    out = beside_doubted((one, other), {one.id: (), other.id: its})
+    assert [d.reason.type for d in out[one.id]] == (["MovesWithDoubted"] if told else [])
+    assert out[other.id] == its
 
 
 def test_a_part_whose_state_nobody_knows_in_a_window_stands_nowhere_there(clip: Clip) -> None:
