@@ -35,7 +35,7 @@ ONE, FEW, MANY = (
 
 
 def test_doubts_add_up_to_a_level() -> None:
-    none, few, many = (verdict_of(doubts(*types, times=2.0)) for types in ((), FEW, MANY))
+    none, few, many = (verdict_of(doubts(*types)) for types in ((), FEW, MANY))
     assert (none.level, few.level, many.level) == ("trusted", "doubtful", "refused")
     assert none.probability > few.probability > many.probability  # type: ignore[operator]
     assert {r.type for r in many.reasons} == set(MANY)
