@@ -1,12 +1,14 @@
 """Whether the cameras' path holds: frames that look at the same places must see the same depth there.
 
-Where the twin has a part nothing is compared, and a hand and what was missed are the smaller part of what is
-left: a low quantile of the differences in depth is that of the room. What one frame sees before a place that
+Where the twin has a part nothing is compared, nor what is labelled as one or as a hand, and what was missed is
+the smaller part of what is left: a low quantile of the differences in depth is that of the room. What one frame sees before a place that
 the other looks at counts only where that one sees through it: else it hides the place. The quantile grows
 with the path's error wherever the room is not one plane along which the path slips.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +27,18 @@ QUANTILE = 0.3  # what was missed may fill two thirds of the picture
 _COMMON = 0.1  # of the picture, seen by both frames at least; less may be one thing that moved. Chosen by us
 
 
-def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
-    """The two frames that agree least on where the room is, and by how much, m; 0 if no two overlap."""
-    known = twin.cameras.frames
+def camera_drift(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, int, float]:
+    """The two frames that agree least on where the room is, and by how much, m; 0 if no two overlap.
+
+    labels: label images (H, W) by frame, of which some are looked at.
+    """
+    known = sorted(labels)
     rows = np.unique(np.linspace(0, len(known) - 1, min(len(known), _FRAMES)).round().astype(int))
-    frames = [int(known[r]) for r in rows]
+    frames = [known[r] for r in rows]
+    if not frames:
+        return 0, 0, 0.0
     twin.expected(frames[0])  # what it casts rays at is built once, before the threads ask for it
-    rooms = list(each(lambda frame: _room(twin, frame), frames))
+    rooms = list(each(lambda frame: _room(twin, frame, labels[frame]), frames))
     gaps = [max(1, round(share * len(frames))) for share in _APART]
     pairs = [
         (int(a), int(a) + gap)
@@ -47,9 +54,10 @@ def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
     return worst
 
 
-def _room(twin: PosedTwin, frame: int) -> NDArray[np.float32]:
-    """Recorded depth (H, W) m, 0 where it is unknown or the twin has a part."""
-    return np.where(twin.expected(frame).owner >= FIRST_PART_ID, np.float32(0.0), twin.seen(frame))
+def _room(twin: PosedTwin, frame: int, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Recorded depth (H, W) m of what never moves by twin and labels, 0 elsewhere."""
+    moves = (twin.expected(frame).owner >= FIRST_PART_ID) | (twin.thinned(image) >= FIRST_PART_ID)
+    return np.where(moves, np.float32(0.0), twin.seen(frame))
 
 
 def _depth_difference(

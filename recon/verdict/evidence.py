@@ -40,7 +40,7 @@ class SceneEvidence:
     @cached_property
     def camera_drift(self) -> tuple[int, int, float]:
         """Two frames that agree least on where the room is, and by how much, m."""
-        return camera_drift(self.posed)
+        return camera_drift(self.posed, self.labels)
 
     @cached_property
     def unexplained(self) -> tuple[int, float]:
