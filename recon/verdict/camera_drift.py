@@ -1,9 +1,9 @@
 """Whether the cameras' path holds: frames that look at the same places must see the same depth there.
 
-Where the twin has a part nothing is compared, nor what is labelled as one or as a hand, and what was missed is
-the smaller part of what is left: a low quantile of the differences in depth is that of the room. What one frame sees before a place that
-the other looks at counts only where that one sees through it: else it hides the place. The quantile grows
-with the path's error wherever the room is not one plane along which the path slips.
+Where the twin has a part nothing is compared, nor what labels call one or a hand, and what was missed is the
+smaller part of what is left: a low quantile of the differences in depth is that of the room. What one frame
+sees before a place that the other looks at counts only where that one sees through it: else it hides the
+place. The quantile grows with the path's error wherever the room is not one plane along which the path slips.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def extents(pictures: Pictures, recording: Recording, seed: Seed, others: Sequen
     stays = _stays(pictures, seed, flat | handle)
     pieces = [o.mask for o in others if o.rest == seed.rest and (o.mask & flat).sum() > _LEFT * o.mask.sum()]
     masks = [seed.mask, np.logical_or.reduce([seed.mask, *pieces])][: 2 if pieces else 1]
-    own = seed.mask & (flat | handle)  # an arm that holds it is of one piece with it
+    own = seed.mask & (eye * off < _HANDLE_M)  # an arm that holds it is of one piece with it
     own = own if own.any() else seed.mask
     for level in _LEVELS:
         mask = _grown(own, flat & (edge < level * usual))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recon.dense.looks import SAME
 from recon.interaction.boards.carrier import Carrier, Shared
-from recon.interaction.boards.proposals import Proposed
+from recon.interaction.boards.proposals import Proposed, plane_of
 from recon.interaction.joints.observations import Kind
 from recon.observation.likelihood import explained
 from twin import geometry as geo
@@ -41,6 +41,8 @@ _ROUNDS = (
     (np.deg2rad(0.4), 0.006, 0.25),
 )
 _IMPOSSIBLE = -1e9
+# Points of each surface of a board.
+_OF_BOARD = 500
 # Share of a surface that is seen where it comes back to.
 _BACK = 0.5
 
@@ -178,6 +180,15 @@ class Carried:
         ends = (0, len(fine.state) - 1)
         poses = fine.joint.poses(fine.state[list(ends)] - fine.state[leading.seed.rest])
         return any((leading.seen(p, r) == SAME).mean() > _BACK for p, r in zip(poses, ends, strict=True))
+
+    def board(self, joint: Proposed, state: Array) -> Array:
+        """Points (n, 3) m, in the first row, of the planes of these surfaces. state: of all rows, 0 there."""
+        out = []
+        for c in self.carriers:
+            _, on = plane_of(c.seed.points)
+            back = joint.poses(-state[[c.seed.rest]])[0]
+            out.append(geo.transform(back, on[:: len(on) // _OF_BOARD + 1]))
+        return np.concatenate(out)
 
     def taken_out(self, fine: Explained) -> Shared:
         """What is left for another part: what these explain by states of all rows is static to others."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32
 from recon.dense.noise import DepthNoise
 from recon.dense.voxels import in_hull_of, solid_core
+from recon.interaction.boards.proposals import plane_of
 from recon.interaction.labels.pooling import SURE, lead_of, voxel_size, world_points
 from recon.interaction.labels.reference_frames import View
 from recon.interaction.parts.moving_part import MovingPart
@@ -21,6 +22,10 @@ from twin.scene import Trajectory
 
 # All m, chosen by us.
 _REACH_M = 0.1
+# Thickness of a board's surface: noise and errors of its states
+_SKIN = 0.012
+# Cosine between a board's normal and a slide in the board's own plane
+_IN_PLANE = 0.5
 # Thickness of a front: what a slide shows foremost
 _FRONT = 0.04
 # Least width and height of a front, of which half is there
@@ -43,7 +48,8 @@ def enclosed_by_parts(
 
     Between the walls of a drawer that slides there is no room for anything static. Sure is what references at
     rest see through where it is now and see again where it was; scores are of the references alone. What
-    surely stays while a part turns is none of it, a side panel beside a hinge.
+    surely stays while a part turns is none of it, a side panel beside a hinge. What slides in its own plane
+    looks the same wherever it is before and after: its board is its own to the edges.
     """
     size = voxel_size(views, noise)
     world = list(each(lambda v: world_points(v, camera, cameras.pose(v.frame)), views))
@@ -68,6 +74,7 @@ def enclosed_by_parts(
             continue
         # A drawer's back wall is far from its front; with poor depth such pieces are more often noise.
         shell = solid_core(certain, size, reach=_REACH_M if noise.poor else np.inf)
+        shell = np.concatenate([shell, *_panel(part)])
         inside = each(in_hull_of(with_box(shell, part, np.mean(eyes, axis=0))), points.values())
         for (v, p), held in zip(points.items(), inside, strict=True):
             out[v][k][views[v].depth > 0] = held
@@ -77,6 +84,16 @@ def enclosed_by_parts(
                 box = (p >= shell.min(axis=0) - size) & (p <= shell.max(axis=0) + size)
                 near[v][k][views[v].depth > 0] = box.all(axis=1)
     return [np.stack(pair) for pair in zip(out, near, strict=True)]
+
+
+def _panel(part: MovingPart) -> list[F32]:
+    """The board (m, 3) of what slides in its own plane, to either side; none of other parts."""
+    if part.board is None or part.joint.kind != "prismatic":
+        return []
+    normal, _ = plane_of(part.board)
+    if abs(float(normal @ part.joint.axis)) > _IN_PLANE:
+        return []
+    return [(part.board + side * _SKIN * normal).astype(np.float32) for side in (-1.0, 1.0)]
 
 
 def with_box(shell: F32, part: MovingPart, eye: Array) -> F32:

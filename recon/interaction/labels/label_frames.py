@@ -46,7 +46,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 11, ("labels",))
+LABELS = Stage("labels", 12, ("labels",))
 
 
 @dataclass(frozen=True)

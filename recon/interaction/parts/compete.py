@@ -44,11 +44,13 @@ class Witnessed:
     by_tracks: the tracks' part whose joint explains as much, or None. as_well: what it explains by the states
     that it is given, over what depth's does. mended: states (n,) for that part's frames where depth's explain
     more than its own, else None. strength: what depth's joint explains, as a share of the board's pixels.
+    board: points (m, 3) m of what it carries, in the first frame.
     """
 
     joint: Joint
     state: Array
     followers: NDArray[np.bool_]
+    board: Array
     by_tracks: int | None
     as_well: float = 1.0
     strength: float = 1.0
@@ -80,6 +82,7 @@ def told(
         replace(oriented.joint, covariance=None),
         state,
         followers(oriented.joint, cameras.frames, state, movers),
+        part.carried.board(part.joint, part.state),
         None,
         strength=part.score / part.carried.carriers[0].area,
     )

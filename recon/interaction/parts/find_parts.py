@@ -46,7 +46,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MOTION = Stage("motion", 36, ("motion", "joints"))
+MOTION = Stage("motion", 37, ("motion", "joints"))
 _DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
 # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 _CALM_ROUNDS = 2

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array
 from twin.scene import FIRST_PART_ID, Joint, Motion
@@ -23,6 +24,7 @@ class MovingPart:
     (which end is closed is decided later). motion: one state for every frame with a known camera, rest frames
     included. windows: first and last frames of the times in which it was handled; none: all frames. carrier:
     the part that it is mounted on, at whose state 0 joint stands in the world; None for the static scene.
+    board: points (n, 3) m of its surface at state 0, grown to edges of a picture; None where none was found.
     """
 
     id: int
@@ -30,6 +32,7 @@ class MovingPart:
     motion: Motion
     windows: tuple[tuple[int, int], ...] = ()
     carrier: MovingPart | None = None
+    board: Array | None = None
 
     def __post_init__(self) -> None:
         if self.id < FIRST_PART_ID:
@@ -38,7 +41,13 @@ class MovingPart:
     def moved(self, T: Array) -> MovingPart:
         """The same part in a world into which T (4, 4) brings this one's points."""
         carrier = None if self.carrier is None else self.carrier.moved(T)
-        return replace(self, joint=self.joint.transformed(T), carrier=carrier)
+        board = None if self.board is None else geo.transform(T, self.board)
+        return replace(self, joint=self.joint.transformed(T), carrier=carrier, board=board)
+
+    def with_board(self, points: Array) -> MovingPart:
+        """The part with a board that lies at these points (n, 3) m in its first frame."""
+        back = geo.invert_pose(self.joint.pose(float(self.motion.state[0])))
+        return replace(self, board=geo.transform(back, points))
 
     def standing(self, frame: int) -> MovingPart:
         """The part on its carrier as that stands in a frame: a part of the static scene."""

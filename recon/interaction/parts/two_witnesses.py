@@ -153,14 +153,15 @@ def _warn(left: PartTracks) -> None:
 def _mended(w: Witnessed, tracked: PartTracks, movers: Movers) -> PartTracks:
     """The tracks' part, with states by depth where its tracks slip: those are not of it."""
     if w.mended is None:
-        return tracked
+        return replace(tracked, part=tracked.part.with_board(w.board))
     joint, m = tracked.part.joint, tracked.part.motion
     low, high = np.quantile(smoothed(w.mended), (LIMIT_QUANTILE, 1.0 - LIMIT_QUANTILE))
     joint = replace(joint, lower=min(float(low), 0.0), upper=max(float(high), 0.0))
     spans = state_intervals(m.frames, w.mended, joint.sigma.state if joint.sigma is not None else 0.0)
     motion = replace(m, state=w.mended, intervals=tuple((i.first, i.last) for i in spans))
     members = followers(joint, m.frames, w.mended, movers)
-    return PartTracks(replace(tracked.part, joint=joint, motion=motion), members, tracked.type_source)
+    part = replace(tracked.part, joint=joint, motion=motion).with_board(w.board)
+    return PartTracks(part, members, tracked.type_source)
 
 
 def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers) -> PartTracks:
@@ -169,4 +170,4 @@ def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: M
     spans = tuple((i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread))
     inliers = float(w.followers.sum()) / max(int(movers.moving.sum()), 1)
     motion = Motion(cameras.frames, recording.times[cameras.frames], w.state, spans, 0.0, inliers)
-    return PartTracks(MovingPart(FIRST_PART_ID, w.joint, motion), w.followers, "depth")
+    return PartTracks(MovingPart(FIRST_PART_ID, w.joint, motion).with_board(w.board), w.followers, "depth")

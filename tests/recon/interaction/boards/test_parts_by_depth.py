@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from recon.interaction.boards.carried import Carried, best_path
 from recon.interaction.boards.proposals import Proposed
@@ -16,6 +17,7 @@ from recon.interaction.boards.seeds import seeds
 from recon.observation.pictures import Pictures
 from tests.makers.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
+from twin.mesh import sample_surface
 from twin.scene import Joint, Revolute
 
 
@@ -70,6 +72,15 @@ def test_the_world_frame_does_not_matter(clip: Clip, parts: list[DepthPart]) -> 
     angle, away = apart(there, here.transformed(T))
     assert angle < 3.0  # rounding may take the search another way; both are as near to the truth
     assert away < 0.03
+
+
+def test_the_board_lies_on_the_part_in_the_first_frame(clip: Clip, parts: list[DepthPart]) -> None:
+    """To the search's error, by its own joint and states, from the rest that it was seen in."""
+    (part,) = parts
+    board = part.carried.board(part.joint, part.state)
+    away = KDTree(sample_surface(clip.mesh, 20_000, np.random.default_rng(0))[0]).query(board)[0]
+    assert len(board) > 100
+    assert np.quantile(away, 0.9) < 0.04
 
 
 def _explaining(score: float, first: int, last: int) -> DepthPart:

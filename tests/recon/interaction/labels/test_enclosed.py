@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -40,3 +42,25 @@ def test_what_stays_beside_a_hinge_is_none_of_the_door() -> None:
 def test_what_slides_looks_as_if_it_stayed_and_is_held_all_the_same(kind: Kind) -> None:
     loose, sure = (sum(int(h.sum()) for h in held(kind, stays)) for stays in (False, True))
     assert sure == loose > 0
+
+
+@pytest.mark.parametrize(("kind", "whole"), [("slide", True), ("door", False)])
+def test_the_board_of_what_slides_in_its_own_plane_is_its_own_to_the_edges(kind: Kind, whole: bool) -> None:
+    """Sure is only the strip that it leaves free, a fifth of it. A door's neighbours are told otherwise."""
+    clip = make_clip(kind)
+    frames = sorted(clip.labels)[:2]
+    views = [view(clip.recording, f, 1) for f in frames]
+    part = replace(clip.part, board=clip.mesh.vertices)
+    scores, sure = [], []
+    for f in frames:
+        mine = clip.labels[f] == 2
+        columns = np.flatnonzero(mine.any(axis=0))
+        strip = mine & (np.arange(mine.shape[1]) < columns[len(columns) // 5])
+        scores.append(np.stack([np.zeros(mine.shape), 3.0 * strip, np.zeros(mine.shape)]).astype(np.float32))
+        sure.append(np.stack([strip, np.zeros_like(strip)]))
+    found = enclosed_by_parts(
+        views, scores, sure, clip.cameras, (part,), clip.recording.intrinsics, GOOD_SENSOR
+    )
+    shares = [e[0, 0][clip.labels[f] == 2].mean() for e, f in zip(found, frames, strict=True)]
+    assert (min(shares) > 0.8) == whole
+    assert (max(shares) < 0.4) != whole

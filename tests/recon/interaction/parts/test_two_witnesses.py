@@ -79,7 +79,7 @@ def test_tracks_that_follow_a_joint_are_its_and_others_are_not() -> None:
 
 
 def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip: Clip) -> None:
-    none = np.zeros(0, bool)
+    none, board = np.zeros(0, bool), np.zeros((0, 3))
     wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
     told = [PartTracks(wrong, none, "motion"), PartTracks(clip.part, none, "motion")]
     (kept,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
@@ -188,10 +188,10 @@ def test_a_hand_that_goes_along_with_a_part_is_none_and_a_second_drawer_is_one(c
     """All by the same axis: the drawer agrees with the tracks; the hand goes as far while the drawer does,
     and farther before; the second drawer moves at another time."""
     time, axis = np.arange(100), clip.part.joint
-    none = np.zeros(0, bool)
-    drawer = Witnessed(axis, np.interp(time, [40, 60], [0.0, 0.3]), none, 0, 0.9)
-    hand = Witnessed(axis, np.interp(time, [10, 25, 40, 60], [0.0, 0.5, 0.5, 0.8]), none, 0, 0.0)
-    second = Witnessed(axis, np.interp(time, [70, 90], [0.0, 0.3]), none, 0, 0.0)
+    none, board = np.zeros(0, bool), np.zeros((0, 3))
+    drawer = Witnessed(axis, np.interp(time, [40, 60], [0.0, 0.3]), none, board, 0, 0.9)
+    hand = Witnessed(axis, np.interp(time, [10, 25, 40, 60], [0.0, 0.5, 0.5, 0.8]), none, board, 0, 0.0)
+    second = Witnessed(axis, np.interp(time, [70, 90], [0.0, 0.3]), none, board, 0, 0.0)
     seen = [hand, drawer, second]
     assert [_goes_along(w, seen) for w in seen] == [True, False, False]
     backwards = replace(hand, joint=replace(axis, axis=-axis.axis), state=-hand.state)
@@ -205,7 +205,7 @@ def test_tracks_of_two_drawers_side_by_side_give_way_to_depths_two(monkeypatch: 
     time, none = np.arange(26), np.zeros(0, bool)
     first, second = (np.interp(time, span, [0.0, 0.2]) for span in ([4, 9], [14, 20]))
     both = PartTracks(with_states(clip, first + second), none, "motion")
-    seen = [Witnessed(clip.part.joint, state, none, 0, 0.9) for state in (first, second)]
+    seen = [Witnessed(clip.part.joint, state, none, np.zeros((0, 3)), 0, 0.9) for state in (first, second)]
     monkeypatch.setattr(two_witnesses, "witnessed", lambda *_: seen)
     parts = reconciled_parts([both], clip.recording, clip.cameras, movers(), 8)
     assert [p.type_source for p in parts] == ["depth", "depth"]
