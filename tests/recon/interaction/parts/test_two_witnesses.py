@@ -79,7 +79,7 @@ def test_tracks_that_follow_a_joint_are_its_and_others_are_not() -> None:
 
 
 def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip: Clip) -> None:
-    none, board = np.zeros(0, bool), np.zeros((0, 3))
+    none = np.zeros(0, bool)
     wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
     told = [PartTracks(wrong, none, "motion"), PartTracks(clip.part, none, "motion")]
     (kept,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
