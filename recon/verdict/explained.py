@@ -29,7 +29,8 @@ THROUGHOUT = 24  # frames of the whole recording; chosen by us
 def unexplained(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
     """The frame at an end of the recording where the twin is worst, and the share with another depth.
 
-    The end that is worse on average, without moving pixels labelled hand and their rim. labels: label images by frame.
+    The end that is worse on average, without moving pixels labelled hand and their rim. labels: label images
+    by frame.
     """
     posed = twin.cameras.frames
     count = max(FRAMES, round(SHARE * len(posed)))

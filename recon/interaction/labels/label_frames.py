@@ -46,7 +46,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 12, ("labels",))
+LABELS = Stage("labels", 13, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ _WITNESSES = 8
 # Log score of a part without any evidence: such a pixel is static. Chosen by us.
 _PRIOR_PART = -0.5
 _BOX_MARGIN_M = 0.1
+# m. A cabinet's depth: a front has no more behind it. Chosen by us.
+_DEEP_M = 0.6
 _HAND_AT_END = 0.003  # share of the picture, as for references
 
 
@@ -174,8 +176,13 @@ def _part_box(
 ) -> tuple[Array, Array] | None:
     """Lower and upper corner (3,) that surely hold the part at state 0; None when nothing is known of it.
 
-    What other references see through, in references that show no hand, is the part; `_BOX_MARGIN_M` is added.
+    The part's board and, of a slide, what its front drags behind it; else what other references see through,
+    in references that show no hand. `_BOX_MARGIN_M` and half of the size are added.
     """
+    if part.board is not None:
+        slides = part.joint.kind == "prismatic"
+        ways = (-_DEEP_M, 0.0, _DEEP_M) if slides else (0.0,)
+        return _around(np.concatenate([part.board + way * part.joint.axis for way in ways]), part.board)
     views = [halved(View(f, d, c)) for f, d, c in zip(refs.frames, refs.depth, refs.color, strict=True)]
     small, half = as_references(views, np.zeros(len(views), bool), refs.color_sigma), camera.strided(2)
 
@@ -193,8 +200,14 @@ def _part_box(
     points = np.concatenate(found) if found else np.zeros((0, 3))
     if len(points) < 50:
         return None
+    return _around(points, points)
+
+
+def _around(points: Array, sized: Array) -> tuple[Array, Array]:
+    """The box of most of the points (n, 3), with a margin by the size of others (m, 3)."""
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
-    margin = _BOX_MARGIN_M + 0.5 * float((high - low).max())
+    size = float(np.ptp(np.percentile(sized, [0.5, 99.5], axis=0), axis=0).max())
+    margin = _BOX_MARGIN_M + 0.5 * size
     return low - margin, high + margin
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from recon.dense.noise import GOOD_SENSOR
 from recon.interaction.labels.enclosed import enclosed_by_parts
-from recon.interaction.labels.reference_frames import view
+from recon.interaction.labels.label_frames import _part_box
+from recon.interaction.labels.reference_frames import References, view
 from tests.makers.recon.cabinets import Kind, make_clip
 from twin.mesh import sample_surface
 from twin.scene import STATIC_LABEL
@@ -65,3 +66,21 @@ def test_the_board_of_what_slides_in_its_own_plane_is_its_own_to_the_edges(kind:
     shares = [e[0, 0][clip.labels[f] == 2].mean() for e, f in zip(found, frames, strict=True)]
     assert (min(shares) > 0.8) == whole
     assert (max(shares) < 0.4) != whole
+
+
+@pytest.mark.parametrize(("kind", "behind"), [("door", 0.0), ("drawer", 0.6)])
+def test_a_part_lies_about_its_board_and_a_drawer_behind_it(kind: Kind, behind: float) -> None:
+    """Whatever noise is seen elsewhere: the references are not asked where the board is known."""
+    clip = make_clip(kind)
+    board = sample_surface(clip.mesh, 2000, np.random.default_rng(0))[0]
+    part, none = replace(clip.part, board=board), np.zeros((0, 4, 4), np.float32)
+    nowhere = References((), none, none, (none, none), np.zeros(0, bool), (), 1.0)
+    box = _part_box(nowhere, clip.cameras, part, clip.recording.intrinsics, 0.003, GOOD_SENSOR)
+    assert box is not None
+    low, high = box
+    size = float(np.ptp(board, axis=0).max())
+    assert np.all(low < board.min(axis=0) - 0.3 * size)
+    assert np.all(high > board.max(axis=0) + 0.3 * size)
+    reach = np.abs(np.stack([low - board.min(axis=0), high - board.max(axis=0)]))
+    along = np.abs(part.joint.axis) > 0.9
+    assert np.allclose(reach[:, along].max(), 0.1 + 0.5 * size + behind, atol=0.05)
