@@ -23,15 +23,15 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "alone": ("MovesWithDoubted",),
 }
 # Log odds of a part without a doubt.
-SOUND = 3.92
+SOUND = 4.14
 # What a doubt about each question takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
-    "joint": 1.27,
-    "closed end": 1.57,
-    "surface": 1.53,
-    "depth": 0.93,
-    "labels": 1.86,
-    "alone": 1.95,
+    "joint": 1.29,
+    "closed end": 1.44,
+    "surface": 1.10,
+    "depth": 1.00,
+    "labels": 1.72,
+    "alone": 1.92,
 }
 # Probabilities from which on a part is trusted, and below which it is left out.
 TRUSTED, REFUSED = 0.95, 0.3
