@@ -21,8 +21,8 @@ class Doubt:
 
     @property
     def amount(self) -> float:
-        """What the posterior counts: 1 at the limit, 1 more for each factor of e, at most 4."""
-        return 1.0 + min(float(np.log(self.times)), 3.0)
+        """What the posterior counts: 1 at the limit, 1 more for each factor of e, at most 5."""
+        return 1.0 + min(float(np.log(self.times)), 4.0)
 
 
 def above(type: str, value: float, limit: float, *told: Any) -> Doubt | None:

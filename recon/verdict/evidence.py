@@ -71,9 +71,11 @@ class PartEvidence:
     mesh: Mesh | None
     closed_probability: float | None = None
 
-    @property
+    @cached_property
     def has_surface(self) -> bool:
-        return self.mesh is not None and len(self.mesh.faces) > 0
+        """Whether it has a mesh, and a label image shows it."""
+        shown = any((image == self.part.id).any() for image in self.scene.labels.values())
+        return self.mesh is not None and len(self.mesh.faces) > 0 and shown
 
     @cached_property
     def seen_through(self) -> tuple[int, float] | None:

@@ -16,10 +16,11 @@ from twin.verdict import reason
 AXIS = 1.25
 # m that the path may be aside by one sigma of the hinge: the limit of success.
 PIVOT = 0.02
-# Least ratio of the range to the sigma of a state. Right joints of 60 recordings have 41 to 2100 in 45.
-RANGE = 40.0
-# rad and m: no state is known better. Rattling and drifting corners go 40 times as far, a cupboard farther.
-LEAST_TURN, LEAST_SLIDE = np.radians(0.15), 0.0005
+# Least ratio of the range to the sigma of a state. Right parts of open recordings (looked at) have 30 to 2100
+# in 129 of 130; wrong ones less in twelve.
+RANGE = 30.0
+# rad and m: no state is known better. Rattling and drifting corners go 30 times as far, a cupboard farther.
+LEAST_TURN, LEAST_SLIDE = np.radians(0.2), 0.02 / RANGE
 # Probability of the closed end by all its cues. Of 36 parts of new open recordings (looked at) 31 of 33 with
 # the right end have more, and three with the wrong one .42, .53 and .91.
 CLOSED = 0.95
@@ -36,6 +37,8 @@ THROUGH = 0.005
 MOVED = 0.3
 # Least share of the area that goes far enough to be judged.
 TOLD = 0.3
+# m^2. Less than the palm that opens a part.
+SMALL = 0.005
 # Greatest share of the border without an edge, at the rest that shows more of them. Right: .17 and less in 80
 # of 82 on open recordings (looked at), .21 and .23 else. Wrong: .20 to .61 in seven.
 BARE = 0.2
@@ -47,7 +50,7 @@ def uncertainty(e: PartEvidence) -> Doubt | None:
 
 
 def surface(e: PartEvidence) -> Doubt | None:
-    """Whether the part has a mesh."""
+    """Whether the part has a mesh, and labels that show it."""
     return None if e.has_surface else Doubt(reason("NoSurface", "refused"), SURELY)
 
 
@@ -101,6 +104,11 @@ def seen_to_move(e: PartEvidence) -> Doubt | None:
     return None if p is None or p.far < TOLD else below("SurfaceUnseen", p.witnessed, MOVED)
 
 
+def large_enough(e: PartEvidence) -> Doubt | None:
+    """How much surface there is; None without any."""
+    return below("SmallSurface", e.mesh.area, SMALL) if e.mesh is not None and e.has_surface else None
+
+
 def explained(e: PartEvidence) -> Doubt | None:
     """The twin against the frames at rest: any of the parts may be the wrong one."""
     frame, share = e.scene.unexplained
@@ -130,6 +138,6 @@ def ends_at_edges(e: PartEvidence) -> Doubt | None:
 
 
 OF_PARTS = (
-    uncertainty, surface, cameras, axis, pivot, travelled, closed_end, seen_to_move, explained, static_stays,
-    seen_through, ends_at_edges,
+    uncertainty, surface, cameras, axis, pivot, travelled, closed_end, seen_to_move, large_enough, explained,
+    static_stays, seen_through, ends_at_edges,
 )  # fmt: skip

@@ -18,20 +18,22 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "joint": ("AxisUnsure", "PivotUnsure", "RangeUnsure"),
     "closed end": ("ClosedEndUnsure",),
     "surface": ("SurfaceUnseen",),
+    "size": ("SmallSurface",),
     "depth": ("Unexplained", "StaticSeenThrough", "SeenThrough", "CamerasDrift"),
     "labels": ("BareBorder",),
     "alone": ("MovesWithDoubted",),
 }
 # Log odds of a part without a doubt.
-SOUND = 4.14
+SOUND = 4.19
 # What a doubt about each question takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
-    "joint": 1.29,
-    "closed end": 1.44,
-    "surface": 1.10,
-    "depth": 1.00,
+    "joint": 1.17,
+    "closed end": 1.29,
+    "surface": 1.12,
+    "size": 1.30,
+    "depth": 1.12,
     "labels": 1.72,
-    "alone": 1.92,
+    "alone": 1.90,
 }
 # Probabilities from which on a part is trusted, and below which it is left out.
 TRUSTED, REFUSED = 0.95, 0.3

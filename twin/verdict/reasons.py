@@ -87,6 +87,12 @@ REASONS: Mapping[str, Words] = {
         "{kind}",
         f"keep more of the part in view while it moves, or {POINT_AT_IT}",
     ),
+    "SmallSurface": Words(
+        "area_m2 limit_m2",
+        "its surface is tiny",
+        "its surface has {area_m2:.1f cm²} only (at least {limit_m2:g cm²})",
+        f"keep more of the part in view while it moves, or {POINT_AT_IT}",
+    ),
     "SurfaceUnseen": Words(
         "share limit",
         "hardly any of its surface was seen to move",

@@ -16,7 +16,7 @@ from recon.verdict.evidence import PartEvidence
 from recon.verdict.judge import judge
 from recon.verdict.of_parts import CLOSED
 from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import as_one, perfect
+from tests.makers.recon.judged import as_one, found_in, perfect
 from tests.makers.recon.tiny import merged
 from twin.scene import Mesh
 from twin.verdict import Verdict
@@ -47,7 +47,7 @@ def judged(clip: Clip, e: PartEvidence) -> Verdict:
     assert done[0].closed_probability >= CLOSED
     fused = FusedScene(clip.static, fused.parts)  # which the pictures show
     return judge(
-        s.recording, s.cameras, s.labels, as_one(s.recording, s.found), (e.part,), fused, done
+        s.recording, s.cameras, s.labels, as_one(s.recording, found_in(clip)), (e.part,), fused, done
     ).parts[e.part.id]
 
 

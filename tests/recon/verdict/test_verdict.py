@@ -40,6 +40,10 @@ def test_a_door_that_is_known_well_is_trusted(evidence: PartEvidence) -> None:
     assert [ask(evidence) for ask in of_parts.OF_PARTS] == [None] * len(of_parts.OF_PARTS)
 
 
+def scaled(mesh: Mesh, area: float) -> Mesh:
+    return Mesh(mesh.vertices * np.sqrt(area / mesh.area), mesh.faces)
+
+
 def known_to(e: PartEvidence, state: float) -> PartEvidence:
     """A part whose tracks alone would know its state so well (rad or m)."""
     return with_sigma(e, state=state)
@@ -50,6 +54,7 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Doubt | None], Callable[..., Pa
     "axis": (of_parts.axis, lambda e, _, x: with_sigma(e, axis=np.radians(x)), of_parts.AXIS, "up"),
     "pivot": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT, "up"),
     "range": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE, "down"),
+    "surface": (of_parts.large_enough, lambda e, c, x: replace(e, mesh=scaled(c.mesh, x)), of_parts.SMALL, "down"),
     "moved": (of_parts.seen_to_move, lambda e, _, x: with_places(e, witnessed=x), of_parts.MOVED, "down"),
     "border": (of_parts.ends_at_edges, lambda e, _, x: with_border(e, x), of_parts.BARE, "up"),
     "turn": (of_parts.travelled, lambda e, _, x: known_to(ranging(e, x), 1e-6), np.radians(6.0), "down"),
