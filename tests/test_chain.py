@@ -94,7 +94,7 @@ def test_killed_at_any_stage_it_resumes_to_the_same_bytes(stage: str, finished: 
     for done in sorted((finished / "stages").glob("[0-9]*"))[: max(0, k - 1)]:
         shutil.copytree(done, folder / "stages" / done.name)
     command = [sys.executable, "-m", "twin", "reconstruct", str(RECORDING), "-o", str(folder)]
-    before = folder / "stages" / (f"{k:02d}_{STAGES[k - 1]}" if k else ".lock")
+    before = folder / "stages" / f"{k:02d}_{STAGES[k - 1]}" if k else folder / ".lock"
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         while not before.exists() and process.poll() is None:
             time.sleep(0.02)
