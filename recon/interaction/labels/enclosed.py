@@ -32,7 +32,7 @@ _FRONT = 0.04
 _LEAST = 0.06
 _CELL = 0.02
 # A cabinet's depth: a front has no more behind it
-_DEEP = 0.6
+DEEP = 0.6
 
 
 def enclosed_by_parts(
@@ -116,4 +116,4 @@ def with_box(shell: F32, part: MovingPart, eye: Array) -> F32:
     cells = np.unique(np.floor((flat - low) / _CELL), axis=0)
     if len(cells) < 0.5 * np.prod(np.ceil((high - low) / _CELL)):
         return shell
-    return np.concatenate([shell, (front + _DEEP * behind).astype(np.float32)])
+    return np.concatenate([shell, (front + DEEP * behind).astype(np.float32)])

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.interaction.labels.crf import agree, upsample_labels
+from recon.interaction.labels.enclosed import DEEP
 from recon.interaction.labels.first_scores import first_scores
 from recon.interaction.labels.hand_pieces import Rests, drop_crumbs
 from recon.interaction.labels.pooling import pool_color, world_points
@@ -67,8 +68,6 @@ _WITNESSES = 8
 # Log score of a part without any evidence: such a pixel is static. Chosen by us.
 _PRIOR_PART = -0.5
 _BOX_MARGIN_M = 0.1
-# m. A cabinet's depth: a front has no more behind it. Chosen by us.
-_DEEP_M = 0.6
 _HAND_AT_END = 0.003  # share of the picture, as for references
 
 
@@ -181,7 +180,7 @@ def _part_box(
     """
     if part.board is not None:
         slides = part.joint.kind == "prismatic"
-        ways = (-_DEEP_M, 0.0, _DEEP_M) if slides else (0.0,)
+        ways = (-DEEP, 0.0, DEEP) if slides else (0.0,)
         return _around(np.concatenate([part.board + way * part.joint.axis for way in ways]), part.board)
     views = [halved(View(f, d, c)) for f, d, c in zip(refs.frames, refs.depth, refs.color, strict=True)]
     small, half = as_references(views, np.zeros(len(views), bool), refs.color_sigma), camera.strided(2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -62,6 +63,20 @@ def test_a_hand_that_moves_at_an_end_needs_no_explanation(kind: Kind) -> None:
     assert (
         of_parts.explained(replace(e, scene=replace(e.scene, labels=unlabelled))).reason.type == "Unexplained"
     )
+
+
+@pytest.mark.parametrize(("lost", "explained"), [(2, True), (9, False)])
+def test_the_smeared_rim_of_a_hand_needs_no_explanation(lost: int, explained: bool) -> None:
+    """Labels that miss so many pixels of the moving hand's outline."""
+    clip = make_clip("door")
+    kernel = np.ones((2 * lost + 1,) * 2, np.uint8)
+
+    def thinner(image: Any) -> Any:
+        hand = (image == HAND_LABEL).astype(np.uint8)
+        return np.where((hand > 0) & (cv2.erode(hand, kernel) == 0), np.uint8(1), image)
+
+    labels = {f: thinner(image) for f, image in hand_labels(clip, 14).items()}
+    assert (of_parts.explained(ending(perfect(clip, labels), 14)) is None) == explained
 
 
 def test_a_missed_part_that_was_labelled_hand_needs_an_explanation() -> None:
