@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -30,6 +31,9 @@ from twin.geometry import Array
 from twin.packages import to_install
 
 MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
+# what zipfile raises for bytes that are no archive, or one of another kind: RuntimeError where the head of a
+# member asks for a password or a compression that it doesn't know
+_DAMAGED = (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ def is_record3d(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+    except _DAMAGED:
         return False
     return "metadata" in names and any(n.startswith("rgbd/") for n in names)
 
@@ -90,7 +94,7 @@ class _Archive:
         try:
             with zipfile.ZipFile(path) as archive:
                 names = archive.namelist()
-        except (OSError, zipfile.BadZipFile) as error:
+        except _DAMAGED as error:
             raise InputError(f"{path.name} is no readable zip archive ({error})", "export it again") from None
         for name in names:
             if name.startswith("/") or "\\" in name or ".." in PurePosixPath(name).parts:
@@ -112,7 +116,7 @@ class _Archive:
                 if size > MAX_MEMBER_BYTES:
                     raise InputError(f"{self.shown(name)} has {size} bytes", "don't trust this file")
                 return archive.read(name)
-        except (OSError, zipfile.BadZipFile, EOFError) as error:
+        except _DAMAGED as error:
             raise InputError(
                 f"{self.shown(name)} is damaged ({error})", "export the recording again"
             ) from None

@@ -7,6 +7,7 @@ import hashlib
 import io
 import os
 import pickle
+import re
 import shutil
 import signal
 import struct
@@ -197,6 +198,15 @@ def bomb(path: Path) -> None:
                 member.write(bytes(2**20))
 
 
+def other_compression(path: Path) -> None:
+    """Both heads of every member name a way to compress that nobody knows."""
+    data = bytearray(path.read_bytes())
+    for head, at in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
+        for found in re.finditer(re.escape(head), bytes(data)):
+            data[found.start() + at] = 77
+    path.write_bytes(bytes(data))
+
+
 def outwards(path: Path) -> None:
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("../../evil.txt", "x")
@@ -269,6 +279,7 @@ CASES: dict[str, tuple[str, Callable[[Path], None], str]] = {
     "two clocks": ("tum", other_clock, "one clock"),
     "a list that leads out": ("tum", linked_out, "inside the folder|missing"),
     "zip bomb": ("record3d", bomb, "don't trust"),
+    "another compression": ("record3d", other_compression, "damaged"),
     "path out of the archive": ("record3d", outwards, "out of the archive"),
     "no header": ("record3d", truncated_index, "zip"),
     "no times": ("stray_scanner", without("odometry.csv"), "odometry.csv"),
