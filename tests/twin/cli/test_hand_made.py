@@ -157,7 +157,8 @@ def test_a_legal_twin_is_exported_and_checked_or_told_the_true_cause(case: Case,
     assert linted.code == (2 if case.faults else 0), linted.text
     assert shown.code == 0
     for words, said in (
-        (case.warned, f"{made.text} {checked.text}"), (case.cause, checked.text), (case.faults, linted.text),
+        (case.warned, f"{made.text} {checked.text}"), (case.cause, checked.text),
+        ((*case.faults, *case.doubted), linted.text),
     ):  # fmt: skip
         assert [w for w in words if w not in said] == [], said
     weighed = {name: part["inertial"]["mass"] for name, part in json.loads(shown.out)["parts"].items()}
@@ -186,11 +187,13 @@ def test_an_illegal_twin_is_refused_in_one_line_and_nothing_is_written(case: Cas
 @pytest.mark.parametrize("case", OPEN, ids=lambda c: c.id)
 def test_an_open_twin_is_refused_or_told_of(case: Case, user: User) -> None:
     made = user.does("export", "RUN")
-    if made.code:
+    if made.code == 1:
         line = made.refusal()
         assert [w for w in case.refused if w not in line] == [], line
         assert files(user.run) == user.before
         return
+    assert made.code in (0, 2)  # 2: written, and what is wrong with it is told
+    assert not exported(user, json.loads(user.text)["name"])
     assert not user.lost()
     told = made.text
     for words in (("check", "RUN"), ("lint", "RUN"), ("physics", "show", "RUN")):

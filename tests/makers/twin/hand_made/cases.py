@@ -19,7 +19,8 @@ class Case:
 
     refused: words of the one line with which an illegal one, or an open one, is refused. warned: words that
     `export` or `check` must say about a legal one, or about an open one that is not refused. cause, faults:
-    words of the true cause with which `check` and `lint` end with 2; none where they must be content.
+    words of the true cause with which `check` and `lint` end with 2; none where they must be content. doubted: words of lint's
+    warnings, with which it ends with 0.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Case:
     warned: Words = ()
     cause: Words = ()
     faults: Words = ()
+    doubted: Words = ()
 
     @property
     def id(self) -> str:
@@ -51,6 +53,7 @@ class Cases(list[Case]):
         warned: Words = (),
         cause: Words = (),
         faults: Words = (),
+        doubted: Words = (),
     ) -> Callable[[Change], Change]:
         """Register a change of `base()`."""
 
@@ -60,7 +63,7 @@ class Cases(list[Case]):
                 change(draft)
                 return draft
 
-            self.append(Case(name, self.verdict, build, refused, warned, cause, faults))
+            self.append(Case(name, self.verdict, build, refused, warned, cause, faults, doubted))
             return change
 
         return register

@@ -192,7 +192,7 @@ def _slanted(d: Draft) -> None:
     "a drawer that slides upwards and needs 30 N",
     empty_room,
     cause=("opened by 10 N", "against friction of 30 N"),
-    faults=("10 N don't bring it to its upper limit",),
+    doubted=("10 N don't bring it to its upper limit",),
 )
 def _upwards(d: Draft) -> None:
     low, high = (0, 0, 0.5), (0.4, 0.02, 0.9)
@@ -212,7 +212,7 @@ def _lid(d: Draft) -> None:
     )
 
 
-@CASES.add("a flap that its own weight opens", empty_room, warned=("weight",), faults=("nobody touches it",))
+@CASES.add("a flap that its own weight opens", empty_room, warned=("weight",), doubted=("nobody touches it",))
 def _falls(d: Draft) -> None:
     low, high = (0, 0, 0), (0.5, 0.4, 0.02)
     stated = {"inertial": solid(3.0, low, high), "physics": physics(frictionloss=0.1)}

@@ -50,7 +50,7 @@ def _collide(d: Draft) -> None:
 
 @CASES.add(
     "a motion beyond the limits",
-    refused=("motion", "0.9"),
+    refused=("motion", "0.018 to 0.882"),  # its 2 % and 98 %
     warned=("largest distance from the recorded poses",),
 )
 def _beyond(d: Draft) -> None:
