@@ -6,12 +6,13 @@ from argparse import ArgumentParser
 from pathlib import Path
 
 FORMATS = ("urdf", "mjcf", "usd")
+SHOWN = ("glb",)  # only looked at: nothing simulates it
 
 
 def export(parser: ArgumentParser) -> None:
     add = parser.add_argument
     run(parser)
-    formats(parser)
+    formats(parser, SHOWN)
     add("--package", metavar="NAME", default="", help="make the URDF's folder the ROS package NAME")
     add(
         "--asset",
@@ -52,13 +53,15 @@ def run(parser: ArgumentParser) -> None:
     parser.add_argument("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
 
 
-def formats(parser: ArgumentParser) -> None:
+def formats(parser: ArgumentParser, more: tuple[str, ...] = ()) -> None:
+    """more: formats that have to be asked for."""
+    told = f"; {', '.join(more)} where it is named" if more else ""
     parser.add_argument(
         "--format",
         dest="formats",
-        help="urdf mjcf usd [all]",
+        help=f"urdf mjcf usd [all{told}]",
         nargs="+",
-        choices=FORMATS,
+        choices=(*FORMATS, *more),
         default=list(FORMATS),
         metavar="FORMAT",
     )

@@ -28,8 +28,10 @@ from twin.soundness import overlaps, require_sound
 if TYPE_CHECKING:
     from twin.collision.meetings import Meeting
 
-Format = Literal["urdf", "mjcf", "usd"]
-FORMATS: tuple[Format, ...] = get_args(Format)
+Format = Literal["urdf", "mjcf", "usd", "glb"]
+ALL_FORMATS: tuple[Format, ...] = get_args(Format)
+# what is simulated; glTF is only looked at
+FORMATS: tuple[Format, ...] = ALL_FORMATS[:3]
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ def export(
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
 ) -> Exported:
-    """Write `formats`: folder/urdf/<name>.urdf, folder/mjcf/<name>.xml, scene.xml, folder/usd/<name>.usda.
+    """Write `formats`: folder/urdf/<name>.urdf, folder/mjcf/<name>.xml, scene.xml, folder/usd/<name>.usda;
+    where it is named, folder/glb/<name>.glb.
 
     Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was
     exported (files.json). All are written before the first is changed; files of others stay.
@@ -86,9 +89,9 @@ def export(
         SceneError: a part that can't be simulated.
     """
     folder, formats = Path(folder), several(formats)
-    unknown = [f for f in formats if f not in FORMATS]
+    unknown = [f for f in formats if f not in ALL_FORMATS]
     if unknown:
-        raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
+        raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(ALL_FORMATS)}")
     if package:
         check_package(package)
     asset, view = asset or AssetInfo(), view or usual_view(twin)

@@ -35,6 +35,7 @@ class TreeJoint:
     """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI for the rest.
 
     holds: its friction stands for what held the part at rest, and must not creep. catch: None without one.
+    times, states (n,): s from the recording's first camera, and the states recorded there.
     """
 
     name: str
@@ -47,6 +48,8 @@ class TreeJoint:
     armature: float
     holds: bool
     catch: TreeCatch | None = None
+    times: Array = field(default_factory=lambda: np.zeros(0))
+    states: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def caught(self) -> str:

@@ -10,8 +10,8 @@ shut: choose no target for the joint drives when you import, or set their stiffn
 
 
 def readme(tree: Tree, fmt: str) -> str:
-    """The text for format urdf, mjcf or usd."""
-    body = {"urdf": _urdf, "mjcf": _mjcf, "usd": _usd}[fmt](tree)
+    """The text for format urdf, mjcf, usd or glb."""
+    body = {"urdf": _urdf, "mjcf": _mjcf, "usd": _usd, "glb": _glb}[fmt](tree)
     rows = ["| joint | type | lower | upper | damping | friction loss |", "|---|---|---|---|---|---|"]
     for link in tree.moving:
         j = link.joint
@@ -33,6 +33,7 @@ def _catches(tree: Tree, fmt: str) -> str:
         "urdf": "URDF has no word for it: it stands in a comment and in asset.json, and no program simulates it.",
         "mjcf": "MuJoCo 3.11 and later simulate it: a contact that pulls, between two geoms that touch nothing else (`<pair adhesion>`).",
         "usd": "No schema has a word for it: it stands in the joint's custom data `catch` and in asset.json, and no program simulates it.",
+        "glb": "glTF has no word for it: it stands in asset.json.",
     }[fmt]
     return "".join(f"\n- {j.name}: {j.caught}. {done}" for j in caught) + ("\n" if caught else "")
 
@@ -44,6 +45,7 @@ def _layers(tree: Tree, fmt: str) -> str:
     where = {
         "urdf": "visuals `<link>_inferred_<piece>`, each under a comment with its reason",
         "mjcf": f"geoms `<body>_inferred_<piece>` of the classes `{tree.name}_evidence` and `{tree.name}_assumed`, reasons under `custom`",
+        "glb": "nodes `<link>_inferred_<piece>` with `extras` (basis, role, reason)",
         "usd": "prims `<body>_inferred_<piece>` with the custom data `inferred` (basis, reason) and a semantic label",
     }[fmt]
     stands = f"What a camera saw and what is inferred stand apart. Inferred are {len(pieces)} pieces, {assumed} of them assumed"
@@ -51,7 +53,7 @@ def _layers(tree: Tree, fmt: str) -> str:
         f"{stands} (nothing that was seen bounds them): {where}.",
         "`asset.json` says which layer is shown, and `T_asset_twin`: from the twin's world, in which robots' trajectories are, into this one.",
     ]
-    if any(k.regions for k in tree.links) and fmt != "urdf":
+    if any(k.regions for k in tree.links) and fmt in ("mjcf", "usd"):
         sites = (
             " are sites (a box to place things in, and a point on its floor)"
             if fmt == "mjcf"
@@ -97,6 +99,16 @@ def _mjcf(tree: Tree) -> str:
   of the part); visual geoms in group 2, collision geoms in group 3.
 - Parts do not collide with what they are mounted on (`<exclude>`): hinges and runners are not modelled as contact.
 - Each joint has armature, a hundredth of its part's inertia about it: too little to be felt."""
+
+
+def _glb(tree: Tree) -> str:
+    return f"""`{tree.name}.glb` is to be looked at, in a browser, in Blender or in a game engine; nothing in it is simulated.
+
+- Each link is a node of its name, at its joint; the node's `extras` have the joint: name, type, axis, limits and unit.
+- A part opens by its node's rotation about the axis, or its translation along it, from where the node stands.
+- Animations: `open`, all parts from closed to open and back, and `recorded`, the states of the recording, in seconds
+  from its first camera.
+- glTF is y up: the first node turns the twin, whose own axes are z up below it."""
 
 
 def _usd(tree: Tree) -> str:

@@ -69,7 +69,7 @@ def build_tree(twin: Twin, visual: bool = True) -> Tree:
         for part in twin.parts:
             if part.parent == parent_id:
                 origin = link_origin(part)
-                links.append(_link(part, parent_name, origin, origin - parent_origin, visual))
+                links.append(_link(twin, part, parent_name, origin, origin - parent_origin, visual))
                 add(part.id, part.name, origin)
 
     add(None, root.name, np.zeros(3))
@@ -153,7 +153,7 @@ def joint_name(part: Part) -> str:
     return f"{part.name}_joint"
 
 
-def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -> Link:
+def _link(twin: Twin, part: Part, parent: str, origin: Array, offset: Array, visual: bool) -> Link:
     joint, inertial, physics = part.joint, inertial_of(part), physics_of(part)
     to_link = geo.make_pose(translation=-origin)
     contact = part.contact
@@ -175,6 +175,8 @@ def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -
             armature=armature(joint, inertial),
             holds=physics.frictionloss.origin == "recording",
             catch=_catch(part, origin),
+            times=part.motion.times - started(twin),
+            states=part.motion.state,
         ),
         mass=inertial.mass.value,
         com=inertial.com - origin,
@@ -184,6 +186,13 @@ def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -
         regions=regions_of(part, to_link),
         kind=_kind(part),
     )
+
+
+def started(twin: Twin) -> float:
+    """When the recording starts, in s of its own clock: at its first camera, else at the first state."""
+    if twin.cameras is not None:
+        return float(twin.cameras.times[0])
+    return min((float(p.motion.times[0]) for p in twin.parts if len(p.motion.times)), default=0.0)
 
 
 def _kind(part: Part) -> str:

@@ -19,8 +19,8 @@ class Case:
 
     refused: words of the one line with which an illegal one, or an open one, is refused. warned: words that
     `export` or `check` must say about a legal one, or about an open one that is not refused. cause, faults:
-    words of the true cause with which `check` and `lint` end with 2; none where they must be content. doubted: words of lint's
-    warnings, with which it ends with 0.
+    words of the true cause with which `check` and `lint` end with 2; none where they must be content.
+    doubted: words of lint's warnings, with which it ends with 0.
     """
 
     name: str
