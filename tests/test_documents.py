@@ -40,7 +40,7 @@ from twin.cli.table import SETTINGS, named
 from twin.errors import ConfigError
 from twin.files.assets import asset
 from twin.geometry import make_pose
-from twin.report import page as report_page
+from twin.page import page as report_page
 from twin.runs.settings import to_toml
 from twin.storage import save
 

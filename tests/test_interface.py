@@ -27,8 +27,8 @@ from robots.simulation.report import ReplayReport
 from tests.laws import assert_for_all
 from tests.makers.robots import planned_motions
 from twin.lint import lint
+from twin.page import render
 from twin.physics import with_physics
-from twin.report import render
 from twin.scene import JointSigma, Part, Twin
 from twin.storage import save
 

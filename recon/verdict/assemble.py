@@ -225,7 +225,9 @@ def say_where(recording: Recording, out: Path) -> None:
 
 
 def keep_key_frames(twin: Twin, recording: Recording, out: Path) -> None:
-    from twin.report import pick_key_frames, save_key_frames
+    """Pictures of the recording for the page: the few that tell the story, and a film."""
+    from twin.report import film_frames, pick_key_frames, save_film, save_key_frames
 
+    save_film(out, film_frames(twin), recording.color, recording.intrinsics.matrix)
     chosen = pick_key_frames(twin)
     save_key_frames(out, {f: recording.color(f) for f in chosen}, recording.intrinsics.matrix)

@@ -178,7 +178,7 @@ def keep(
     if any((place / "replay").glob("*/*/report.json")):
         told.append(f"so are the replays: `twin replay {run}` plans them again")
     if (place / "report.html").is_file():
-        from twin.report import render
+        from twin.page import render
 
         render(place)
     rows = [[part, c.name, c.before or "none", c.after, c.source] for part, c in changes]

@@ -67,8 +67,7 @@ def export(
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
 ) -> Exported:
-    """Write `formats`: folder/urdf/<name>.urdf, folder/mjcf/<name>.xml, scene.xml, folder/usd/<name>.usda;
-    where it is named, folder/glb/<name>.glb.
+    """Write `formats`: folder/urdf/<name>.urdf, mjcf/<name>.xml, scene.xml, usd/<name>.usda; glb/<name>.glb.
 
     Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was
     exported (files.json). All are written before the first is changed; files of others stay.

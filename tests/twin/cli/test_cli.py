@@ -211,7 +211,7 @@ def test_bugs_keep_their_traceback(bug: BaseException, monkeypatch: pytest.Monke
         (["reconstrut", "x"], ["unknown verb 'reconstrut'", "did you mean 'reconstruct'?"]),
         (["zzz"], ["unknown verb 'zzz'", "verbs: demo, simulate"]),
         (["reconstruct", "x"], ["-o", "required", "twin reconstruct --help"]),
-        (["export", "x", "--format", "glb"], ["'glb'", "urdf"]),
+        (["export", "x", "--format", "stl"], ["'stl'", "urdf"]),
         (["evaluate", "x"], ["--truth"]),
         (["--verbose"], ["--verbose"]),
     ],

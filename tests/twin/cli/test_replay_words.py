@@ -20,7 +20,7 @@ from twin.storage import save
 @pytest.fixture(autouse=True)
 def plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """The page without its pictures, which have tests of their own."""
-    from twin.report import page
+    from twin.page import page
 
     monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": "", "plan": ""})
 

@@ -10,7 +10,8 @@ import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
 from twin import geometry as geo
-from twin.report import meshes, page, views
+from twin.page import page
+from twin.report import meshes, views
 from twin.report.timeline import timeline
 from twin.scene import Motion, Trajectory, Twin
 
@@ -68,8 +69,7 @@ def test_rows_are_named_and_clips_have_no_timeline() -> None:
     assert timeline(dataclasses.replace(twin, parts=())) == ""
 
 
-def test_a_room_has_a_map_and_each_of_its_parts_opens_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page, "STEPS", 2)
+def test_a_room_has_a_map_and_each_of_its_parts_opens_by_itself() -> None:
     twin = walk(np.ones(901, bool))
     pictures = page._pictures(twin)
     assert pictures["plan"]

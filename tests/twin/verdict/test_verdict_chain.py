@@ -18,7 +18,7 @@ from twin import verdict as v
 from twin.cli import main, verbs
 from twin.cli.console import Outcome
 from twin.cli.step import Step, judged
-from twin.report import page
+from twin.page import page
 from twin.scene import Twin
 from twin.storage import load, save
 from twin.verdict import Verdict

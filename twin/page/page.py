@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, SceneError
 from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
+from twin.page.drawn import drawn_once
+from twin.page.viewer import scene_document, scene_glb, scripts, three_js
 from twin.physics.text import described
-from twin.report.drawn import drawn_once
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
@@ -28,8 +29,14 @@ from twin.verdict import unjudged
 PHASE_COLUMNS = (
     "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
 )  # fmt: skip
+# layers of the scene, as viewer/scene.js names them, and what the page calls them
+_LAYERS = {
+    "seen": "seen", "evidence": "inferred, bounded", "assumed": "assumed", "collision": "collision shapes",
+    "axes": "axes, grasp", "paths": "paths",
+}  # fmt: skip
+_SHOWN = ("seen", "evidence", "assumed", "axes")
 VERBS = ("evaluate", "export", "check", "replay")
-STEPS = 5  # pictures from closed to open
+STEPS = 2  # pictures from closed to open
 
 
 def render(run: AnyPath) -> Path:
@@ -46,6 +53,7 @@ def render(run: AnyPath) -> Path:
     key = twin_key(run)
     require_own_page(run)
     pictures = drawn_once(run, twin, _drawn) if twin else {}
+    glb = drawn_once(run, twin, _glb, "scene")["glb"] if twin else ""
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
     context = {
         "name": twin.name if twin else run.resolve().name,
@@ -60,6 +68,7 @@ def render(run: AnyPath) -> Path:
         "parts": [_part(p, pictures) for p in twin.parts] if twin else [],
         "timeline": timeline(twin) if twin else "",
         **pictures,
+        "scene": _scene(run, twin, glb) if twin and glb else None,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
         "replays": [_replay(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
         "stages": _stages(manifest),
@@ -123,6 +132,13 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
+def _scene(run: Path, twin: Twin, glb: str) -> dict[str, Any]:
+    """What the page's scripts draw."""
+    told = scene_document(run, twin)
+    layers = [(name, text, name in _SHOWN) for name, text in _LAYERS.items()]
+    return {"glb": glb, "told": told, "three": three_js(), "scripts": scripts(), "layers": layers}
+
+
 def _drawn(twin: Twin) -> dict[str, Any]:
     """All pictures of the twin, and each part's states by its id."""
     return {**_pictures(twin), "plots": {str(p.id): _plot(p) for p in twin.parts}}
@@ -149,6 +165,15 @@ def _pictures(twin: Twin) -> dict[str, Any]:
     return nothing | dict(zip(draw, each(lambda one: one(), draw.values()), strict=True))
 
 
+def _glb(twin: Twin) -> dict[str, str]:
+    if not any(len(o.mesh.faces) for o in twin.owners):
+        return {"glb": ""}
+    try:
+        return {"glb": scene_glb(twin)}
+    except SceneError:  # as of a range that is empty: its card tells, and the pictures show it closed
+        return {"glb": ""}
+
+
 def _jpegs(draw: Callable[[], list[Image]]) -> list[str]:
     return [_jpeg(image) for image in draw()]
 
@@ -162,6 +187,11 @@ def _part(part: Part, pictures: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": part.name,
         "kind": part.joint.kind,
+        "verdict": part.verdict,
+        "low": float(shown(part, part.joint.lower)),
+        "high": float(shown(part, part.joint.upper)),
+        "unit": unit(part),
+        "sigma": None if part.joint.sigma is None else float(shown(part, part.joint.sigma.state)),
         "color": color,
         "plot": pictures["plots"][str(part.id)],
         "opening": pictures.get(f"opening {part.id}", []),

@@ -9,25 +9,28 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from twin.exporters.bodies import named_shapes
 from twin.files.text import read_json, write_json
 from twin.inferred import Completion
 from twin.scene import Mesh, Part, Twin
 
 Pictures = dict[str, Any]
-_DRAWING = 4  # raised when the same twin gives other pictures
-_FILE = "pictures.json"
+_DRAWING = 5  # raised when the same twin gives other pictures
+Kept = Literal["pictures", "scene"]
 
 
-def drawn_once(run: Path, twin: Twin, draw: Callable[[Twin], Pictures]) -> Pictures:
+def drawn_once(
+    run: Path, twin: Twin, draw: Callable[[Twin], Pictures], kept_as: Kept = "pictures"
+) -> Pictures:
     """`draw(twin)`, JSON types, or what it returned the last time in this run if that shows the same twin.
 
-    Raises OSError when the run can't be written.
+    The pictures don't show collision shapes, the scene does. Raises OSError when the run can't be written.
     """
-    path, key = run / "report" / _FILE, _key(twin)
+    path, key = run / "report" / f"{kept_as}.json", _key(twin, kept_as)
     kept = read_json(path)
     if kept.get("key") == key and kept.get("sum") == _sum(kept.get("pictures")):
         return dict(kept["pictures"])
@@ -42,10 +45,10 @@ def _sum(pictures: object) -> str:
     return hashlib.sha256(json.dumps(pictures, sort_keys=True).encode()).hexdigest()
 
 
-def _key(twin: Twin) -> str:
-    """SHA-256 of all that the pictures show."""
+def _key(twin: Twin, kept_as: Kept) -> str:
+    """SHA-256 of all that is shown."""
     digest = hashlib.sha256(f"{_DRAWING}".encode())
-    for item in _shows(twin):
+    for item in (*_shows(twin), *(_shapes(twin) if kept_as == "scene" else ())):
         if isinstance(item, np.ndarray):
             digest.update(f"{item.dtype}{item.shape}".encode() + np.ascontiguousarray(item).tobytes())
         else:
@@ -69,7 +72,12 @@ def _layer(completion: Completion | None) -> Iterator[object]:
         yield from _surface(completion.shown)
         for piece in completion.pieces:
             yield from _surface(piece.mesh)
-            yield from (piece.basis, piece.color)
+            yield from (piece.name, piece.basis, piece.reason, piece.color)
+
+
+def _shapes(twin: Twin) -> Iterator[object]:
+    for shape in (s for o in twin.owners for s in named_shapes(o, None).values()):
+        yield from _surface(shape) if isinstance(shape, Mesh) else (shape.T_world_box, shape.size)
 
 
 def _surface(mesh: Mesh) -> Iterator[object]:

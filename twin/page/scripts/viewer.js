@@ -1,0 +1,101 @@
+// Puts the scene, the clock and the sliders of the page together; `funtwin` is for consoles and tests.
+"use strict";
+
+const funtwin = {};
+
+(() => {
+  const box = document.getElementById("view");
+  if (!box) return;
+  const tools = box.parentNode;
+  const told = JSON.parse(document.getElementById("told").textContent);
+  const canvas = box.querySelector("canvas");
+  let renderer;
+  try {
+    renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+  } catch {
+    document.body.classList.add("still"); // the page's pictures instead
+    funtwin.ready = Promise.resolve(false);
+    return;
+  }
+  renderer.outputEncoding = THREE.sRGBEncoding;
+  renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+  const camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.02, 200);
+  camera.up.set(0, 0, 1);
+  const lamp = new THREE.DirectionalLight(0xffffff, 0.35); // at the eye, so that edges show
+  let scene = null;
+  let asked = false;
+  const draw = () => {
+    asked = false;
+    if (!scene) return;
+    lamp.position.copy(camera.position);
+    renderer.render(scene.root, camera);
+  };
+  const changed = () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(draw);
+  };
+  const orbit = new Orbit(camera, canvas, changed);
+  const home = () => orbit.look(told.view.eye, told.view.target, told.view.fov);
+  const resize = () => {
+    const [width, height] = [box.clientWidth, box.clientHeight];
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    changed();
+  };
+
+  const card = (part) => document.querySelector(`.joint[data-part="${part.name}"]`);
+  const write = (part) => {
+    const at = card(part);
+    const value = part.state * part.scale;
+    at.querySelector("input").value = value;
+    at.querySelector("output").textContent = `${value.toFixed(1)} ${part.unit}`;
+  };
+  const slide = (part, state) => {
+    clock.play(false);
+    scene.set(part, state);
+    write(part);
+    changed();
+  };
+  const clock = new Clock(told, document.getElementById("clock"), (time) => {
+    if (!scene) return;
+    scene.at(time);
+    told.parts.forEach(write);
+    changed();
+  });
+
+  const begin = (gltf) => {
+    scene = new TwinScene(gltf, told);
+    scene.root.add(lamp);
+    for (const part of told.parts) {
+      const input = card(part).querySelector("input");
+      input.addEventListener("input", () => slide(part, Number(input.value) / part.scale));
+    }
+    for (const input of tools.querySelectorAll("input[data-layer]")) {
+      const set = () => { scene.show(input.dataset.layer, input.checked); changed(); };
+      input.addEventListener("change", set);
+      set();
+    }
+    const measure = new Measure(scene, camera, canvas, tools.querySelector(".measured"), changed);
+    const ruler = tools.querySelector("button[name=measure]");
+    ruler.addEventListener("click", () => {
+      measure.switch(!measure.on);
+      ruler.setAttribute("aria-pressed", Boolean(measure.on));
+    });
+    tools.querySelector("button[name=home]").addEventListener("click", home);
+    new ResizeObserver(resize).observe(box);
+    home();
+    clock.go(0);
+    resize();
+    draw();
+    for (const pictures of document.querySelectorAll(".stills")) pictures.open = false;
+    Object.assign(funtwin, { scene, clock, orbit, measure, renderer, camera, draw, told, slide });
+  };
+
+  funtwin.ready = new Promise((resolve, reject) => {
+    const text = atob(document.getElementById("glb").textContent.trim());
+    const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
+    new THREE.GLTFLoader().parse(bytes.buffer, "", (gltf) => { begin(gltf); resolve(true); }, reject);
+  });
+})();
