@@ -45,6 +45,7 @@ GUIDE = (
     "metrics",
     "twin_format",
     "verdicts",
+    "editing",
     "robots",
     "physics",
     "importing",

@@ -32,6 +32,7 @@ from recon.verdict.completion import COMPLETION, inferred_layers, with_layers
 from recon.verdict.judge import VERDICT, Fault, judge
 from recon.windows.windows import is_long
 from twin.cause import Cause
+from twin.edits import found_folder
 from twin.errors import InputError, nearest_name
 from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
@@ -101,7 +102,7 @@ def reconstruct(
             run.warn(note)
         recording = files.enter_context(decoded_once(recording, out))
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
-        earlier = None if out is None else earlier_twin(run, out / "twin")
+        earlier = None if out is None else earlier_twin(run, found_folder(out))
         twin = _run(run, recording, config, hints, materials, earlier)
         if out is not None:
             twin = keep_twin(run, twin, out)

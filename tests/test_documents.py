@@ -89,10 +89,18 @@ BEFORE = {
     "twin = package.load('RUN')\nclass Recording(list):\n    def color(self, k): return self[k]\n"
     "recording = Recording([np.zeros((48, 64, 3), np.uint8)] * 60)\n",
 }
-FIRST = {"twin export out/chest": "twin import assets/scenes/chest.xml -o out/chest"}  # as the page has it
+FIRST = {
+    "twin edit RUN --undo": "twin edit RUN --part NAME upper=31cm",
+    "twin export out/chest": "twin import assets/scenes/chest.xml -o out/chest",
+}  # as the page has it
 SMALLER = {"trials=100": "trials=1", "--trials 100": "--trials 1"}
 # the pages' word on a recording, as it is true of the shipped one
-SAID = {"320,240@45": "200,175@45", "30:75": "30:64", "--type hinge": "--type slide"}
+SAID = {
+    "upper=92deg axis=vertical": "upper=31cm axis=front",
+    "320,240@45": "200,175@45",
+    "30:75": "30:64",
+    "--type hinge": "--type slide",
+}
 LESS_WORK = {"twin simulate": "--set width=64 --set height=48 --set frames=60 --set samples=1"}
 
 

@@ -17,6 +17,7 @@ from recon.recording import Recording
 from recon.verdict.judge import Judged
 from twin.completion.frame import kind_by_joint, viewer
 from twin.completion.part_names import part_names
+from twin.edits import FILE, found_folder, keep, kept_aside, read
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.names import legal_name
@@ -150,13 +151,35 @@ def _without(labels: Mapping[int, NDArray[np.uint8]], ids: Sequence[int]) -> Map
 
 
 def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
-    """Save the twin into the run folder and return what stands there then.
+    """Save the twin into the run folder and return what stands there then: with the user's edits, those that
+    still fit; the others are told.
 
-    A twin that the user changed since it was reconstructed is not lost: it stays where the result is the same
-    as before, and is kept beside the new one where it is not. What was measured or added about its parts goes
-    over to the new one.
+    A twin that the user changed otherwise since it was reconstructed is not lost: it stays where the result
+    is the same as before, and is kept beside the new one where it is not. What was measured or added about
+    its parts goes over to the new one.
     """
-    folder, found = out / "twin", digest(twin)
+    folder = found_folder(out)
+    if folder == out / "twin":
+        return _keep_found(run, twin, folder, out)
+    if (aside := kept_aside(out)) is not None:
+        run.warn(f"{out / 'twin'} was changed beside its edits: it is kept in {aside}")
+    kept = _keep_found(run, twin, folder, out)
+    try:
+        edits = read(out, kept)
+    except InputError as e:
+        aside = aside_name(out / FILE)
+        (out / FILE).rename(aside)
+        run.warn(f"the edits are kept in {aside} and not made: {e.problem}")
+        edits = []
+    result = keep(out, kept, edits)
+    for text in result.warnings:
+        run.warn(text)
+    return result.twin
+
+
+def _keep_found(run: Run, twin: Twin, folder: Path, out: Path) -> Twin:
+    """Save the twin as it was found into its folder of the run, as `keep_twin` does."""
+    found = digest(twin)
     earlier = earlier_twin(run, folder)
     before = read_json(out / MANIFEST).get("twin")
     if earlier is not None:

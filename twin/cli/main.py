@@ -12,6 +12,8 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, NoReturn
 
 from twin import interrupt
@@ -87,7 +89,9 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     from twin.cli.console import Console
 
     console = Console(quiet=as_json)
+    told = _edited(options.get("run"))
     outcome = named(VERBS[verb][0])(console=console, **options)
+    outcome = replace(outcome, warnings=[*told, *outcome.warnings])
     if as_json:
         report = {"ok": outcome.ok, **outcome.data, "warnings": list(outcome.warnings)}
         print(json.dumps(report, indent=1, ensure_ascii=False))
@@ -99,6 +103,17 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     if outcome.doubt:
         print(f"twin: {outcome.doubt}", file=sys.stderr)
     return 0 if outcome.ok else 2
+
+
+def _edited(run: object) -> list[str]:
+    """Lines about the edits of a run, which every verb makes where they are not made yet."""
+    if not isinstance(run, Path) or not any(
+        (p / "twin_found").is_dir() or (p / "edits.json").is_file() for p in (run, run.parent)
+    ):
+        return []
+    from twin.cli.step import settled_edits
+
+    return settled_edits(run)
 
 
 def _fail(problem: str, remedy: str, as_json: bool) -> int:

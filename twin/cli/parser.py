@@ -24,7 +24,11 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         close = nearest_name(verb, list(VERBS))
         hint = f"did you mean {close!r}?" if close else f"verbs: {', '.join(VERBS)}"
         raise InputError(f"unknown verb {verb!r}", hint)
-    return parser_of(verb).parse_args(points_joined(rest), argparse.Namespace(verb=verb))
+    parser, words = parser_of(verb), points_joined(rest)
+    read = (
+        parser.parse_intermixed_args if verb == "edit" else parser.parse_args
+    )  # words on both sides of options
+    return read(words, argparse.Namespace(verb=verb))
 
 
 def parser_of(verb: str) -> argparse.ArgumentParser:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,29 @@ def set_values(
     if not values and material is None:
         options = " ".join(f"--{name}" for name in UNITS)
         raise InputError("there is nothing to set", f"give at least one of {options} --material")
+    from twin.edits import KINDS, Edit, add
+
     chosen = _part(twin, part)
     edited = set_physics(twin, chosen.id, values, material)
-    return keep(run, edited, [(chosen.name, c) for c in edited.changes])
+    made = [Edit("material", chosen.name, material, why=note)] if material is not None else []
+    for name, quantity in values.items():
+        told = numbers[f"{name}_interval"]
+        unit = KINDS[name].unit(chosen)
+        made.append(
+            Edit(
+                name,
+                chosen.name,
+                quantity.value,
+                KINDS[name].now(chosen),
+                unit,
+                note,
+                tuple(told) if told else None,
+                measured,
+            )
+        )
+    warnings = [*edited.warnings, *add(run_folder(run), made).warnings]
+    rows = [(chosen.name, c) for c in edited.changes]
+    return _told(run, replace(edited, warnings=tuple(warnings)), rows)
 
 
 def catch(
@@ -168,15 +189,15 @@ def keep(
 ) -> Outcome:
     """Write the changed twin and tell what changed, and which files are now of an earlier twin."""
     update(load(run), edited.twin, run)
+    return _told(run, edited, changes, notes)
+
+
+def _told(
+    run: Path, edited: Edited, changes: Sequence[tuple[str, Change]], notes: Sequence[str] = ()
+) -> Outcome:
+    """What changed, and which files are now of an earlier twin."""
     place = run_folder(run)
-    stale = [f for f, s in _FILES.items() if (place / "export" / f / f"{edited.twin.name}{s}").is_file()]
-    told = list(notes)
-    if stale:
-        told.append(
-            f"{', '.join(stale)} in {place / 'export'} are of the earlier twin: `twin export {run}` writes them again"
-        )
-    if any((place / "replay").glob("*/*/report.json")):
-        told.append(f"so are the replays: `twin replay {run}` plans them again")
+    told = [*notes, *told_of_files(place, run, edited.twin.name)]
     if (place / "report.html").is_file():
         from twin.page import render
 
@@ -185,8 +206,28 @@ def keep(
     if not rows:
         told.insert(0, "nothing changed")
     tables = [Table("what changed", ["part", "quantity", "before", "now", "source"], rows)] if rows else []
-    data = {"changes": [{"part": part, **_change(c)} for part, c in changes], "stale": stale}
+    data = {
+        "changes": [{"part": part, **_change(c)} for part, c in changes],
+        "stale": stale_formats(place, edited.twin.name),
+    }
     return Outcome(data, tables, told, edited.warnings)
+
+
+def stale_formats(place: Path, name: str) -> list[str]:
+    """Formats of which the run has a file, which is of an earlier twin."""
+    return [f for f, s in _FILES.items() if (place / "export" / f / f"{name}{s}").is_file()]
+
+
+def told_of_files(place: Path, run: Path, name: str) -> list[str]:
+    """A line for exports and for replays of an earlier twin that the run holds."""
+    told = []
+    if stale := stale_formats(place, name):
+        told.append(
+            f"{', '.join(stale)} in {place / 'export'} are of the earlier twin: `twin export {run}` writes them again"
+        )
+    if any((place / "replay").glob("*/*/report.json")):
+        told.append(f"so are the replays: `twin replay {run}` plans them again")
+    return told
 
 
 def _change(c: Change) -> dict[str, Any]:

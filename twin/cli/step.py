@@ -87,6 +87,19 @@ def page(run: Path) -> Iterator[None]:
             render(place)
 
 
+def settled_edits(run: Path) -> list[str]:
+    """Make the edits of RUN/edits.json where somebody put them there since; a line for each thing to tell."""
+    from twin.edits import settled
+
+    place = run_folder(run)
+    with claimed(place):
+        made = settled(place)
+    if made is None:
+        return []
+    count = len(made.twin.provenance.get("edits", []))
+    return [f"{place / 'edits.json'} was changed: {count} of its edits are made now", *made.warnings]
+
+
 def _shown(run: Path) -> dict[Path, int]:
     """When what the page shows was written last."""
     files = (run / MANIFEST, run / "twin" / "twin.json", *(run / "report").glob("*.json"))

@@ -33,6 +33,10 @@ VERBS = {
     "trajectory": ("robots.trajectory_verb:trajectory", "export a planned trajectory in robots' own formats"),
     "evaluate": ("recon.verbs.twins:evaluate", "compare a run with the truth"),
     "config": ("twin.cli.config_verb:config", "list the settings with unit, range and meaning"),
+    "edit": (
+        "twin.cli.edit_verb:edit",
+        "change what was found: limits, axis, closed end, names, parts, verdicts; or take it back",
+    ),
     "physics": (
         "twin.cli.physics_verbs:physics",
         "show, set or estimate what parts weigh and how they resist",

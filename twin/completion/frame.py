@@ -10,7 +10,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.collision.solid import spread
 from twin.geometry import Array
-from twin.handles import CONE, outermost_face
+from twin.handles import CONE, Face, outermost_face
 from twin.scene import Joint, Part, Prismatic, Trajectory
 
 Kind = Literal["drawer", "sliding_door", "door", "flap", "lid"]
@@ -34,6 +34,21 @@ class PartFrame:
 
 def part_frame(part: Part, eye: Array | None = None) -> PartFrame | None:
     """The frame of a part at state 0; None without a flat front. eye: where the viewer stood (3,)."""
+    face = front_face(part, eye)
+    if face is None:
+        return None
+    out = face.normal
+    if isinstance(part.joint, Prismatic) and part.joint.axis @ out > SQUARE:
+        out = geo.unit(part.joint.axis)  # known to a tenth of a degree from all frames, a plane's fit is not
+    kind = _kind(part, out)
+    up = _up(part, out, kind)
+    rotation = np.stack([np.cross(up, out), up, out], axis=1)
+    offset = float(np.median(face.points @ out))
+    return PartFrame(geo.make_pose(rotation, offset * out), kind, face.noise)
+
+
+def front_face(part: Part, eye: Array | None = None) -> Face | None:
+    """The plane of a part's front at state 0, by its surface alone; None without a flat front."""
     corners = part.mesh.vertices[part.mesh.faces]
     if not len(corners) or part.mesh.area < 1e-3:
         return None
@@ -44,15 +59,7 @@ def part_frame(part: Part, eye: Array | None = None) -> PartFrame | None:
     facing = normals @ guess > CONE
     if facing.sum() < 50:
         return None
-    face = outermost_face(points[facing], guess, one_sided=True)
-    out = face.normal
-    if isinstance(part.joint, Prismatic) and part.joint.axis @ out > SQUARE:
-        out = geo.unit(part.joint.axis)  # known to a tenth of a degree from all frames, a plane's fit is not
-    kind = _kind(part, out)
-    up = _up(part, out, kind)
-    rotation = np.stack([np.cross(up, out), up, out], axis=1)
-    offset = float(np.median(face.points @ out))
-    return PartFrame(geo.make_pose(rotation, offset * out), kind, face.noise)
+    return outermost_face(points[facing], guess, one_sided=True)
 
 
 def _outward(part: Part, normals: Array, eye: Array | None) -> Array | None:

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from twin.edits import KINDS
+from twin.edits.edit import edit_from
 from twin.errors import InputError, SceneError
 from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
@@ -61,6 +63,7 @@ def render(run: AnyPath) -> Path:
         "verdict": twin.verdict if twin else None,
         "unjudged": unjudged(twin) if twin else "",
         "said": _said(twin) if twin else "",
+        "edits": _edits(twin) if twin else [],
         "inferred": twin is not None and twin.static.completion is not None,
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
@@ -93,6 +96,11 @@ def _template() -> Any:
         lstrip_blocks=True,
     )
     return environment.get_template("page.html.j2")
+
+
+def _edits(twin: Twin) -> list[str]:
+    rows = twin.provenance.get("edits", [])
+    return [str(edit_from(row, KINDS, "twin.json, provenance.edits")) for row in rows]
 
 
 def _said(twin: Twin) -> str:

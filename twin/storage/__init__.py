@@ -218,7 +218,7 @@ def _write(twin: Twin, folder: Path, earlier: Earlier) -> None:
     document = with_files_named(document, lambda path: names[path])
     if twin.cameras is not None:
         text = tum_lines(twin.cameras)
-        document["cameras"]["file"] = earlier.cameras(text)
+        document["cameras"]["file"], text = earlier.cameras(text)
         (folder / document["cameras"]["file"]).write_text(text, encoding="ascii", newline="\n")
     _write_labels(twin.labels, folder / "labels")
     write_file(folder / "twin.json", (json_text(document) + "\n").encode())

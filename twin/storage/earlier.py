@@ -17,6 +17,8 @@ from twin.storage.document import (
 )
 from twin.storage.texture import texture_files
 
+_QUATERNION = 1e-12  # what a rotation loses when it is written as a quaternion and read again
+
 
 class Earlier:
     """The twin in a folder before it is saved again: its document ({} for none), and files not its own."""
@@ -44,14 +46,16 @@ class Earlier:
                 return known
         return free_name(path, lambda p: p in self._strange)
 
-    def cameras(self, text: str) -> str:
-        """The name for the cameras' file: that of the earlier one if it says the same."""
+    def cameras(self, text: str) -> tuple[str, str]:
+        """The name for the cameras' file and its text: those of the earlier one if it says the same, but for
+        what rotations lose as quaternions."""
         known = self._cameras
         if known is not None and known not in self._strange:
             path = self.folder / known
-            if path.is_file() and path.read_bytes() == text.encode():
-                return known
-        return free_name(CAMERAS, lambda p: p in self._strange)
+            before = path.read_text(encoding="ascii", errors="replace") if path.is_file() else ""
+            if before == text or _same_poses(before, text):
+                return known, before
+        return free_name(CAMERAS, lambda p: p in self._strange), text
 
     def _holds(self, path: str, mesh: Mesh) -> bool:
         try:
@@ -59,6 +63,20 @@ class Earlier:
         except InputError:
             return False
         return same_mesh(there, mesh)
+
+
+def _same_poses(a: str, b: str) -> bool:
+    """Whether two texts of TUM lines say the same, rotations to `_QUATERNION`; q and -q are one rotation."""
+    try:
+        left, right = (
+            np.array([[float(v) for v in line.split()] for line in t.splitlines()]) for t in (a, b)
+        )
+    except ValueError:
+        return False
+    if left.shape != right.shape or left.ndim != 2 or not np.array_equal(left[:, :4], right[:, :4]):
+        return False
+    p, q = left[:, 4:], right[:, 4:]
+    return bool(np.minimum(np.abs(p - q).max(axis=1), np.abs(p + q).max(axis=1)).max() <= _QUATERNION)
 
 
 def same_mesh(a: Mesh, b: Mesh | None) -> bool:

@@ -12,11 +12,14 @@ from twin.verdict.verdict import Verdict
 
 def verdict_document(verdict: Verdict | None) -> dict[str, Any] | None:
     """`level`, `probability` where it is known, and `reasons` with `type`, `level`, `kind`, `values`, `text`
-    and `help` each; JSON types. None stays None."""
+    and `help` each; `word` and `overruled` where the user overruled it. JSON types. None stays None."""
     if verdict is None:
         return None
-    known = {} if verdict.probability is None else {"probability": verdict.probability}
-    return {"level": verdict.level, **known, "reasons": [_reason(r) for r in verdict.reasons]}
+    known: dict[str, Any] = {} if verdict.probability is None else {"probability": verdict.probability}
+    said: dict[str, Any] = {"word": verdict.word} if verdict.word else {}
+    if verdict.overruled:
+        said["overruled"] = [_reason(r) for r in verdict.overruled]
+    return {"level": verdict.level, **known, "reasons": [_reason(r) for r in verdict.reasons], **said}
 
 
 def verdict_from(document: Mapping[str, Any]) -> Verdict:
@@ -24,15 +27,20 @@ def verdict_from(document: Mapping[str, Any]) -> Verdict:
 
     Raises SceneError where no such thing as a verdict stands, or its level is not that of its reasons.
     """
-    level, rows = document.get("level"), document.get("reasons")
+    level, word = document.get("level"), document.get("word", "")
+    rows, overruled = document.get("reasons"), document.get("overruled", [])
     if level not in LEVELS:
         raise SceneError(f"a verdict is {', '.join(LEVELS)}, not {level!r:.40}")
-    if not isinstance(rows, list) or not all(isinstance(r, Mapping) for r in rows):
-        raise SceneError(f"a verdict needs a list of reasons, has {rows!r:.40}")
+    for told_by in (rows, overruled):
+        if not isinstance(told_by, list) or not all(isinstance(r, Mapping) for r in told_by):
+            raise SceneError(f"a verdict needs a list of reasons, has {told_by!r:.40}")
+    if not isinstance(word, str):
+        raise SceneError(f"the word on a verdict is a text, not {word!r:.40}")
     told = document.get("probability")
     if told is not None and not (isinstance(told, (int, float)) and 0 <= told <= 1):
         raise SceneError(f"the probability of a verdict is between 0 and 1, not {told!r:.40}")
-    verdict = Verdict(tuple(_from(r) for r in rows), None if told is None else float(told))
+    standing, gone = (tuple(_from(r) for r in some) for some in (rows or [], overruled))
+    verdict = Verdict(standing, None if told is None else float(told), word, gone)
     if verdict.level != level:
         raise SceneError(f"the verdict {level!r} has reasons that make it {verdict.level!r}")
     return verdict

@@ -222,3 +222,17 @@ def test_twins_saved_before_sources_began_with_a_word_are_read(tmp_path: Path) -
     assert part.physics.friction.source == "default: chosen by us"
     assert part.physics.damping.source == "a colleague"
     assert part.physics.damping.origin == "other"
+
+
+def test_cameras_that_were_read_keep_their_file_and_bytes(tmp_path: Path) -> None:
+    """Quaternions of rotations that were read differ in sign or in the last digit; another pose is written."""
+    twin = cabinet_twin()
+    save(twin, tmp_path)
+    before = (tmp_path / "cameras.txt").read_bytes()
+    save(load(tmp_path), tmp_path)
+    assert (tmp_path / "cameras.txt").read_bytes() == before
+    assert twin.cameras is not None
+    poses = twin.cameras.T_world_cam.copy()
+    poses[3, 0, 3] += 1e-9
+    save(replace(twin, cameras=replace(twin.cameras, T_world_cam=poses)), tmp_path)
+    assert (tmp_path / "cameras.txt").read_bytes() != before
