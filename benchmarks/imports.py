@@ -38,7 +38,7 @@ from benchmarks.imports_page import page
 from twin.errors import FuntwinError, InputError
 from twin.files.text import write_text
 from twin.lint.xml import read_xml
-from twin.page.page import part_facts
+from twin.page.facts import part_facts
 from twin.storage import load
 
 HERE = Path(__file__).resolve().parent

@@ -61,6 +61,21 @@ class Tab:
         while not any(e.get("method") == "Page.loadEventFired" for e in self.events):
             self.events.append(json.loads(self._socket.recv(timeout=60)))
 
+    def follow(self, code: str) -> None:
+        """Run what makes the page come anew, and wait for it."""
+        self.events.clear()
+        self.run(code)
+        while not any(e.get("method") == "Page.loadEventFired" for e in self.events):
+            self.events.append(json.loads(self._socket.recv(timeout=60)))
+
+    def until(self, code: str, patience: float = 30.0) -> Any:
+        """The first value of an expression that is not empty."""
+        end = time.monotonic() + patience
+        while not (value := self.run(code)):
+            assert time.monotonic() < end, code
+            time.sleep(0.05)
+        return value
+
     def run(self, code: str) -> Any:
         """The value of an expression, awaited."""
         done = self.call("Runtime.evaluate", expression=code, awaitPromise=True, returnByValue=True)

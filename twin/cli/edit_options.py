@@ -1,4 +1,4 @@
-"""Options of the verb `edit`; imports nothing heavy, so that the command line answers at once."""
+"""Options of the verbs `edit` and `view`; imports nothing heavy, so that the command line answers at once."""
 
 from __future__ import annotations
 
@@ -30,3 +30,10 @@ def add_options(parser: ArgumentParser) -> None:
         help="the reason, which verdict=trusted needs; kept with the edit",
     )
     add("--undo", metavar="N", type=int, nargs="?", const=1, help="take the last N edits back [1]")
+
+
+def view(parser: ArgumentParser) -> None:
+    export_options.run(parser)
+    parser.add_argument(
+        "--port", metavar="N", type=int, default=0, help="of the server on this machine [a free one]"
+    )

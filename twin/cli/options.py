@@ -281,6 +281,7 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "trajectory": _trajectory,
     "evaluate": _evaluate,
     "config": _config,
+    "view": edit_options.view,
     "edit": edit_options.add_options,
     "physics": _physics,
     "robots": _robots,

@@ -47,7 +47,7 @@ def judged(outcome: Outcome, twin: Twin) -> Outcome:
 
 def joint_row(part: Part) -> list[str]:
     """Type, range, 1 sigma of axis and pivot, and mass of a part, for a table."""
-    from twin.page.page import part_facts
+    from twin.page.facts import part_facts
 
     facts = {name: value for name, value, _ in part_facts(part)}
     axis, pivot = (facts.get(k, "").partition(" ± ")[2] for k in ("axis", "pivot"))
@@ -55,7 +55,7 @@ def joint_row(part: Part) -> list[str]:
 
 
 def joint_text(part: Part) -> str:
-    from twin.page.page import part_facts
+    from twin.page.facts import part_facts
 
     facts = {name: value for name, value, _ in part_facts(part)}
     return f"{part.joint.kind}, {facts['range']}"

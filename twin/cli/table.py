@@ -33,6 +33,10 @@ VERBS = {
     "trajectory": ("robots.trajectory_verb:trajectory", "export a planned trajectory in robots' own formats"),
     "evaluate": ("recon.verbs.twins:evaluate", "compare a run with the truth"),
     "config": ("twin.cli.config_verb:config", "list the settings with unit, range and meaning"),
+    "view": (
+        "twin.cli.view_verb:view",
+        "show the twin in a browser, and put right there what was found wrong",
+    ),
     "edit": (
         "twin.cli.edit_verb:edit",
         "change what was found: limits, axis, closed end, names, parts, verdicts; or take it back",

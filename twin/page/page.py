@@ -8,16 +8,15 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from twin.edits import KINDS
 from twin.edits.edit import edit_from
+from twin.edits.values import SNAPS
 from twin.errors import InputError, SceneError
 from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
 from twin.page.drawn import drawn_once
-from twin.page.viewer import scene_document, scene_glb, scripts, three_js
-from twin.physics.text import described
+from twin.page.facts import numbers, part_facts
+from twin.page.viewer import edit_script, scene_document, scene_glb, scripts, three_js
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
@@ -48,12 +47,22 @@ def render(run: AnyPath) -> Path:
     when `run` is no folder or holds somebody else's report.html, OSError when it can't be written.
     """
     run = Path(run)
+    require_own_page(run)
+    path = run / PAGE
+    write_text(path, html(run))
+    return path
+
+
+def html(run: Path, live: bool = False) -> str:
+    """The page's text. live: with what edits the twin, for the server that takes the edits.
+
+    Raises InputError when `run` is no folder.
+    """
     if not run.is_dir():
         raise InputError(f"{run} is not a run folder", "give the folder that `twin reconstruct -o` wrote")
     manifest = read_json(run / MANIFEST)
     twin = load(run) if (run / "twin" / "twin.json").is_file() else None
     key = twin_key(run)
-    require_own_page(run)
     pictures = drawn_once(run, twin, _drawn) if twin else {}
     glb = drawn_once(run, twin, _glb, "scene")["glb"] if twin else ""
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
@@ -72,16 +81,16 @@ def render(run: AnyPath) -> Path:
         "timeline": timeline(twin) if twin else "",
         **pictures,
         "scene": _scene(run, twin, glb) if twin and glb else None,
+        "live": live and twin is not None,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
         "replays": [_replay(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
         "stages": _stages(manifest),
         "versions": manifest.get("versions", {}),
         "config": _text(run / "config.toml"),
         "marks": MARKS,
+        "snaps": tuple(SNAPS),
     }
-    path = run / PAGE
-    write_text(path, _template().render(context))
-    return path
+    return str(_template().render(context))
 
 
 @cache
@@ -144,7 +153,14 @@ def _scene(run: Path, twin: Twin, glb: str) -> dict[str, Any]:
     """What the page's scripts draw."""
     told = scene_document(run, twin)
     layers = [(name, text, name in _SHOWN) for name, text in _LAYERS.items()]
-    return {"glb": glb, "told": told, "three": three_js(), "scripts": scripts(), "layers": layers}
+    return {
+        "glb": glb,
+        "told": told,
+        "three": three_js(),
+        "scripts": scripts(),
+        "layers": layers,
+        "edits": edit_script(),
+    }
 
 
 def _drawn(twin: Twin) -> dict[str, Any]:
@@ -199,36 +215,14 @@ def _part(part: Part, pictures: Mapping[str, Any]) -> dict[str, Any]:
         "low": float(shown(part, part.joint.lower)),
         "high": float(shown(part, part.joint.upper)),
         "unit": unit(part),
+        "numbers": numbers(part),
+        "suffix": "deg" if part.joint.kind == "revolute" else "mm",
         "sigma": None if part.joint.sigma is None else float(shown(part, part.joint.sigma.state)),
         "color": color,
         "plot": pictures["plots"][str(part.id)],
         "opening": pictures.get(f"opening {part.id}", []),
         "facts": part_facts(part),
     }
-
-
-def part_facts(part: Part) -> list[tuple[str, str, str]]:
-    """What is known about a part: name, value with its uncertainty, and where it comes from."""
-    joint, u = part.joint, unit(part)
-    low, high = (float(shown(part, v)) for v in (joint.lower, joint.upper))
-    sigma = joint.sigma
-    tilt = f" ± {np.rad2deg(sigma.axis):.2f}°" if sigma is not None else ""
-    facts = [("joint", joint.kind, part.type_source), ("axis", _vector(joint.axis) + tilt, "")]
-    pivot = getattr(joint, "pivot", None)
-    if pivot is not None:
-        shift = f" ± {sigma.pivot * 1000:.1f} mm" if sigma is not None and sigma.pivot is not None else ""
-        facts.append(("pivot", f"{_vector(pivot)} m{shift}", ""))
-    spread = f" ± {float(shown(part, sigma.state)):.1f}" if sigma is not None else ""
-    facts.append(("range", f"{low:z.1f} to {high:z.1f}{spread} {u}", part.limits_source))
-    facts.append(("closed end", "state 0", part.closed_source))
-    if part.motion.intervals:
-        moved = ", ".join(f"{a}-{b}" for a, b in part.motion.intervals)
-        facts.append(("moving frames", moved, f"residual {part.motion.residual * 1000:.1f} mm"))
-    facts += described(part)
-    if part.contact is not None:
-        c = part.contact
-        facts.append(("hand holds at", f"{_vector(c.point)} m, {c.width * 1000:.0f} mm wide", c.source))
-    return facts
 
 
 def _replay(run: Path, film: Path) -> dict[str, Any]:
@@ -272,10 +266,6 @@ def _stages(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
-
-
-def _vector(v: Any) -> str:
-    return "(" + ", ".join(f"{x:z.3f}" for x in v) + ")"
 
 
 def _jpeg(image: Image) -> str:

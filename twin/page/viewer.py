@@ -109,6 +109,12 @@ def _rounded(values: Array | NDArray[np.float64]) -> Any:
 
 
 @cache
+def edit_script() -> str:
+    """The script of a page that edits the twin."""
+    return (Path(__file__).parent / "scripts" / "edits.js").read_text(encoding="utf-8")
+
+
+@cache
 def scripts() -> str:
     """The page's own scripts."""
     return "\n".join(

@@ -225,7 +225,7 @@ def test_twins_saved_before_sources_began_with_a_word_are_read(tmp_path: Path) -
 
 
 def test_cameras_that_were_read_keep_their_file_and_bytes(tmp_path: Path) -> None:
-    """Quaternions of rotations that were read differ in sign or in the last digit; another pose is written."""
+    """Quaternions that were read differ in sign or in the last digit; another pose is written."""
     twin = cabinet_twin()
     save(twin, tmp_path)
     before = (tmp_path / "cameras.txt").read_bytes()
