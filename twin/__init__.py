@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from twin.exporters import export
     from twin.importers import from_mjcf, from_urdf
     from twin.limits import with_limits
+    from twin.page.notebook import show
     from twin.scene import (
         Box,
         ContactPath,
@@ -58,6 +59,7 @@ __all__ = [
     "from_urdf",
     "load",
     "save",
+    "show",
     "with_limits",
 ]
 
@@ -70,6 +72,7 @@ _LAZY = {
     "from_urdf": "twin.importers",
     "load": "twin.storage",
     "save": "twin.storage",
+    "show": "twin.page.notebook",
     "with_limits": "twin.limits",
     **dict.fromkeys(
         (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from pathlib import Path
@@ -16,10 +15,12 @@ from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
 from twin.page.drawn import drawn_once
 from twin.page.facts import numbers, part_facts
+from twin.page.pictures import jpeg, uri
+from twin.page.replays import replay_of
 from twin.page.viewer import edit_script, scene_document, scene_glb, scripts, three_js
 from twin.report.frames import Image, drawn_key_frames, part_color
-from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
-from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
+from twin.report.plots import shown, state_plot, unit
+from twin.report.sections import MARKS, PAGE, Section, load_section, require_own_page, twin_key
 from twin.report.timeline import timeline
 from twin.runs.manifest import MANIFEST, seconds_of, warnings_of
 from twin.runs.threads import each
@@ -27,9 +28,6 @@ from twin.scene import Part, Twin
 from twin.storage import load
 from twin.verdict import unjudged
 
-PHASE_COLUMNS = (
-    "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
-)  # fmt: skip
 # layers of the scene, as viewer/scene.js names them, and what the page calls them
 _LAYERS = {
     "seen": "seen", "evidence": "inferred, bounded", "assumed": "assumed", "collision": "collision shapes",
@@ -37,6 +35,14 @@ _LAYERS = {
 }  # fmt: skip
 _SHOWN = ("seen", "evidence", "assumed", "axes")
 VERBS = ("evaluate", "export", "check", "replay")
+# what the page lacks of a run without a twin, and of a twin without a run
+_NO_TWIN: dict[str, Any] = {
+    "twin": None, "verdict": None, "unjudged": "", "said": "", "edits": [], "inferred": False, "parts": [], "timeline": "",
+    "scene": None, "key_frames": [], "opening": [], "dollhouse": "", "plan": "",
+}  # fmt: skip
+_NO_RUN: dict[str, Any] = {
+    "cards": [], "warnings": [], "live": False, "sections": [], "replays": [], "stages": [], "versions": {}, "config": "",
+}  # fmt: skip
 STEPS = 2  # pictures from closed to open
 
 
@@ -63,34 +69,60 @@ def html(run: Path, live: bool = False) -> str:
     manifest = read_json(run / MANIFEST)
     twin = load(run) if (run / "twin" / "twin.json").is_file() else None
     key = twin_key(run)
-    pictures = drawn_once(run, twin, _drawn) if twin else {}
-    glb = drawn_once(run, twin, _glb, "scene")["glb"] if twin else ""
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
     context = {
         "name": twin.name if twin else run.resolve().name,
-        "twin": twin,
-        "verdict": twin.verdict if twin else None,
-        "unjudged": unjudged(twin) if twin else "",
-        "said": _said(twin) if twin else "",
-        "edits": _edits(twin) if twin else [],
-        "inferred": twin is not None and twin.static.completion is not None,
+        **(_twin_of_run(run, twin) if twin else _NO_TWIN),
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
-        "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
-        "parts": [_part(p, pictures) for p in twin.parts] if twin else [],
-        "timeline": timeline(twin) if twin else "",
-        **pictures,
-        "scene": _scene(run, twin, glb) if twin and glb else None,
         "live": live and twin is not None,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
-        "replays": [_replay(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
+        "replays": [replay_of(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
         "stages": _stages(manifest),
         "versions": manifest.get("versions", {}),
         "config": _text(run / "config.toml"),
-        "marks": MARKS,
-        "snaps": tuple(SNAPS),
     }
-    return str(_template().render(context))
+    return _rendered(context)
+
+
+def html_of(twin: Twin) -> str:
+    """A page of a twin alone, without a run: its scene and its joints."""
+    scene = _scene(None, twin, glb) if (glb := _glb(twin)["glb"]) else None
+    return _rendered({"name": twin.name, **_of_twin(twin, {"plots": {}}, scene, []), **_NO_RUN})
+
+
+def _twin_of_run(run: Path, twin: Twin) -> dict[str, Any]:
+    pictures = drawn_once(run, twin, _drawn)
+    glb = drawn_once(run, twin, _glb, "scene")["glb"]
+    key_frames = [(k, jpeg(image)) for k, image in drawn_key_frames(run, twin)]
+    return _of_twin(twin, pictures, _scene(run, twin, glb) if glb else None, key_frames)
+
+
+def _of_twin(
+    twin: Twin,
+    pictures: Mapping[str, Any],
+    scene: Mapping[str, Any] | None,
+    key_frames: list[tuple[int, str]],
+) -> dict[str, Any]:
+    """What the page says of a twin."""
+    return {
+        **_NO_TWIN,
+        "twin": twin,
+        "verdict": twin.verdict,
+        "unjudged": unjudged(twin),
+        "said": _said(twin),
+        "edits": _edits(twin),
+        "inferred": twin.static.completion is not None,
+        "parts": [_part(p, pictures) for p in twin.parts],
+        "timeline": timeline(twin),
+        "scene": scene,
+        "key_frames": key_frames,
+        **pictures,
+    }
+
+
+def _rendered(context: Mapping[str, Any]) -> str:
+    return str(_template().render({**context, "marks": MARKS, "snaps": tuple(SNAPS)}))
 
 
 @cache
@@ -149,7 +181,7 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _scene(run: Path, twin: Twin, glb: str) -> dict[str, Any]:
+def _scene(run: Path | None, twin: Twin, glb: str) -> dict[str, Any]:
     """What the page's scripts draw."""
     told = scene_document(run, twin)
     layers = [(name, text, name in _SHOWN) for name, text in _LAYERS.items()]
@@ -179,9 +211,9 @@ def _pictures(twin: Twin) -> dict[str, Any]:
     if not len(twin.static.mesh.faces) and not any(len(p.mesh.faces) for p in twin.parts):
         return nothing
     steps = STEPS if twin.parts else 1
-    draw: dict[str, Callable[[], Any]] = {"dollhouse": lambda: _jpeg(dollhouse(twin))}
+    draw: dict[str, Callable[[], Any]] = {"dollhouse": lambda: jpeg(dollhouse(twin))}
     if len(twin.parts) > 1 and timeline(twin):
-        draw["plan"] = lambda: _jpeg(plan(twin))
+        draw["plan"] = lambda: jpeg(plan(twin))
         for part in twin.parts:
             draw[f"opening {part.id}"] = partial(_jpegs, partial(opening, twin, steps, only=part))
     else:
@@ -199,11 +231,11 @@ def _glb(twin: Twin) -> dict[str, str]:
 
 
 def _jpegs(draw: Callable[[], list[Image]]) -> list[str]:
-    return [_jpeg(image) for image in draw()]
+    return [jpeg(image) for image in draw()]
 
 
 def _plot(part: Part) -> str:
-    return _uri(state_plot(part).encode(), "image/svg+xml") if len(part.motion.frames) else ""
+    return uri(state_plot(part).encode(), "image/svg+xml") if len(part.motion.frames) else ""
 
 
 def _part(part: Part, pictures: Mapping[str, Any]) -> dict[str, Any]:
@@ -219,43 +251,10 @@ def _part(part: Part, pictures: Mapping[str, Any]) -> dict[str, Any]:
         "suffix": "deg" if part.joint.kind == "revolute" else "mm",
         "sigma": None if part.joint.sigma is None else float(shown(part, part.joint.sigma.state)),
         "color": color,
-        "plot": pictures["plots"][str(part.id)],
+        "plot": pictures["plots"].get(str(part.id), ""),
         "opening": pictures.get(f"opening {part.id}", []),
         "facts": part_facts(part),
     }
-
-
-def _replay(run: Path, film: Path) -> dict[str, Any]:
-    """Pictures of one replay and, unless it is too long, its film."""
-    small = film.stat().st_size <= FILM_LIMIT
-    return {
-        "title": " · ".join(film.parent.relative_to(run / "replay").parts),
-        "pictures": [_jpeg(p) for p in film_pictures(film)],
-        "film": _uri(film.read_bytes(), "video/mp4") if small else "",
-        "path": film.relative_to(run).as_posix(),
-        "phases": _phases(film.with_name("report.json")),
-    }
-
-
-def _phases(report: Path) -> Table | None:
-    """What happened in each phase of a replay."""
-    if not report.is_file():
-        return None
-    rows = [
-        [
-            row["phase"],
-            f"{row['start']:.1f} to {row['end']:.1f} s",
-            f"{100 * row['opening_peak']:z.0f} / {100 * row['opening_final']:z.0f} %",
-            "yes" if row["at_rest"] else "no",
-            f"{row['slip_mm']:.1f} mm",
-            f"{row['tool_error_mm']:.1f} mm",
-            f"{100 * row['torque_share']:.0f} %",
-            str(row["unintended"]),
-            row["reason"],
-        ]
-        for row in read_json(report)["phases"]
-    ]
-    return Table("phase by phase", PHASE_COLUMNS, rows)
 
 
 def _stages(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -266,14 +265,3 @@ def _stages(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
-
-
-def _jpeg(image: Image) -> str:
-    import cv2
-
-    _, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
-    return _uri(data.tobytes(), "image/jpeg")
-
-
-def _uri(data: bytes, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

@@ -45,14 +45,14 @@ def scene_glb(twin: Twin) -> str:
     return base64.b64encode(glb(build_tree(ready), AssetInfo(), shapes=True)).decode()
 
 
-def scene_document(run: Path, twin: Twin) -> dict[str, Any]:
+def scene_document(run: Path | None, twin: Twin) -> dict[str, Any]:
     """What the scripts play, JSON types: parts with states, cameras, film and the first view. Lengths in m,
     angles in rad, times in s from the first camera."""
     start = started(twin)
     return {
         "parts": [_part(p, start) for p in twin.parts],
         "cameras": _cameras(twin, start),
-        "film": film(run, twin, start),
+        "film": film(run, twin, start) if run is not None else {"frames": []},
         "view": _view(
             part_view(twin, twin.parts, *_ASPECT) if twin.parts else overview(twin, *_ASPECT), twin
         ),

@@ -15,7 +15,7 @@ from recon.evaluation.rows import Row
 from recon.verbs.twins import evaluate_step
 from twin.cli import main as cli
 from twin.errors import InputError
-from twin.page.page import _phases
+from twin.page.replays import _phases
 from twin.runs.progress import silent
 from twin.storage import save
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +16,13 @@ import pytest
 import trimesh
 from scipy import ndimage
 
+import twin as tw
 from benchmarks.scenes.boards import cabinet_twin
 from tests.makers.browser import Tab, browser
 from tests.twin.page.test_page import SIZE, K, seen
 from twin import report
 from twin.completion.asset import AssetView
-from twin.errors import SceneError
+from twin.errors import InputError, SceneError
 from twin.exporters import export
 from twin.geometry import Array
 from twin.page import render, viewer
@@ -343,3 +345,22 @@ def test_only_the_library_is_taken() -> None:
     assert text.startswith("/**\n * @license")
     assert "SPDX-License-Identifier: MIT" in text[:200]
     assert not re.search(r"B64GLTF|tracklight|</script", text)
+
+
+def test_a_notebook_shows_the_twin_in_a_frame_of_its_own(twin: Twin, tmp_path: Path) -> None:
+    shown = tw.show(twin, height=500)
+    frame = shown._repr_html_()
+    assert frame.startswith('<iframe sandbox="allow-scripts"')
+    assert "500px" in frame
+    assert HOSTILE not in frame
+    assert "MB" in repr(shown)
+    with pytest.raises(InputError, match="px high"):
+        tw.show(twin, height=0)
+    page = tmp_path / "notebook.html"
+    page.write_text(f"<!doctype html><title>n</title>{frame}", encoding="utf-8")
+    with browser(tmp_path / "profile") as tab:
+        tab.open(page.as_uri())
+        tab.until("document.querySelector('iframe') && 1")
+        time.sleep(2.0)
+        assert tab.complaints == []
+        assert len(np.unique(tab.picture("iframe").reshape(-1, 3), axis=0)) > 200  # something is drawn
