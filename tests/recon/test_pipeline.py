@@ -96,7 +96,7 @@ def test_a_weighed_mass_outlives_another_reconstruction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording = open_recording(
-        tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
+        tiny.write_recording(tmp_path / "r", ("door",), frames=60, scale=1, still=True)
     )
     twin, out = cabinet_twin(), tmp_path / "run"
     monkeypatch.setattr(pipeline, "_run", lambda *_: twin)
@@ -113,7 +113,7 @@ def test_the_manifest_says_where_the_recording_is_from_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pipeline, "_run", lambda *_: cabinet_twin())
-    tiny.write_recording(tmp_path / "data" / "r", ("door",), frames=40, scale=1, still=True)
+    tiny.write_recording(tmp_path / "data" / "r", ("door",), frames=60, scale=1, still=True)
     monkeypatch.chdir(tmp_path / "data")
     out = tmp_path / "runs" / "run"
     reconstruct(open_recording(Path("r")), out=out)
@@ -128,7 +128,7 @@ def test_a_twin_that_the_user_changed_outlives_another_reconstruction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording = open_recording(
-        tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
+        tiny.write_recording(tmp_path / "r", ("door",), frames=60, scale=1, still=True)
     )
     twin, out = cabinet_twin(), tmp_path / "run"
     found = [twin]
@@ -165,7 +165,7 @@ def test_a_twin_that_the_user_changed_outlives_another_reconstruction(
 
 def test_settings_of_somebody_else_are_not_replaced(tmp_path: Path) -> None:
     recording = open_recording(
-        tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
+        tiny.write_recording(tmp_path / "r", ("door",), frames=60, scale=1, still=True)
     )
     (tmp_path / "config.toml").write_text("mine = true")
     with pytest.raises(InputError, match="no run folder"):

@@ -67,10 +67,14 @@ def set_values(
     if not values and material is None:
         options = " ".join(f"--{name}" for name in UNITS)
         raise InputError("there is nothing to set", f"give at least one of {options} --material")
-    from twin.edits import KINDS, Edit, add
-
     chosen = _part(twin, part)
     edited = set_physics(twin, chosen.id, values, material)
+    from twin.edits import (  # imports what takes a second, which a wrong word needs not wait for
+        KINDS,
+        Edit,
+        add,
+    )
+
     made = [Edit("material", chosen.name, material, why=note)] if material is not None else []
     for name, quantity in values.items():
         told = numbers[f"{name}_interval"]

@@ -71,8 +71,6 @@ def page(run: Path) -> Iterator[None]:
 
     A run folder that is not there yet is held by what makes it.
     """
-    from twin.page import render
-
     place = run_folder(run)
     with claimed(place) if place.is_dir() else nullcontext():
         require_own_page(place)
@@ -81,10 +79,16 @@ def page(run: Path) -> Iterator[None]:
             yield
         except FuntwinError:
             if (place / MANIFEST).is_file() and _shown(place) != before:
-                render(place)
+                _render(place)
             raise
         with claimed(place):
-            render(place)
+            _render(place)
+
+
+def _render(place: Path) -> None:
+    from twin.page import render  # imports what takes a second, which a wrong word needs not wait for
+
+    render(place)
 
 
 def settled_edits(run: Path) -> list[str]:
