@@ -2,8 +2,8 @@
 
     python -m benchmarks.viewer RUN...
 
-The scene is drawn at 640x480 px from its first view, parts in motion, one drawing after the other. A drawing's
-time ends when its pixels are read.
+The scene is drawn at 640x480 px from its first view, parts in motion, one drawing after the other. The time
+of a drawing ends when its pixels are read.
 """
 
 from __future__ import annotations
