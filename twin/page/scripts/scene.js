@@ -30,11 +30,17 @@ class TwinScene {
     if (node.isMesh) node.material = this._paint(node);
   }
 
-  // Photographs have their light in them; other surfaces get ours
+  // Photographs have their light in them; other surfaces get ours. All is drawn in sRGB as it comes: a processor
+  // that draws takes a third longer if each pixel is made linear and back.
   _paint(mesh) {
     const told = mesh.userData.role ? mesh.userData : mesh.parent.userData;
     const old = mesh.material;
-    const more = { side: old.side, map: old.map, color: old.color, vertexColors: old.vertexColors };
+    const more = { side: old.side, map: old.map, color: old.color.convertLinearToSRGB(), vertexColors: old.vertexColors };
+    if (old.map) {
+      old.map.encoding = THREE.LinearEncoding;
+      old.map.minFilter = THREE.LinearMipmapNearestFilter;
+    }
+    if (old.vertexColors) asSRGB(mesh.geometry);
     if (told.role === "collision") {
       return new THREE.MeshLambertMaterial({ color: 0x2f6fde, transparent: true, opacity: 0.35, depthWrite: false });
     }
@@ -116,6 +122,17 @@ class TwinScene {
     this.camera.position.set(...positions[k]);
     this.camera.quaternion.set(...quaternions[k]);
   }
+}
+
+// Vertex colours, which glTF has linear, as sRGB
+function asSRGB(geometry) {
+  const linear = geometry.getAttribute("color");
+  const out = new Float32Array(3 * linear.count);
+  const color = new THREE.Color();
+  for (let k = 0; k < linear.count; k++) {
+    color.setRGB(linear.getX(k) / 65535, linear.getY(k) / 65535, linear.getZ(k) / 65535).convertLinearToSRGB().toArray(out, 3 * k);
+  }
+  geometry.setAttribute("color", new THREE.BufferAttribute(out, 3));
 }
 
 // Index of the last of rising times that is not after `time`, the first where all are

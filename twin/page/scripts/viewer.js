@@ -2,6 +2,15 @@
 "use strict";
 
 const funtwin = {};
+// ms between two drawings from which they come late, how many in a row, and ms without a change that are rest
+const [LATE_MS, LATE, STILL_MS] = [40, 4, 250];
+
+// Whether the processor draws, for which smooth edges take half of the time
+function bySoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const told = gl && gl.getExtension("WEBGL_debug_renderer_info");
+  return Boolean(told) && /swiftshader|llvmpipe|software/i.test(gl.getParameter(told.UNMASKED_RENDERER_WEBGL));
+}
 
 (() => {
   const box = document.getElementById("view");
@@ -11,29 +20,47 @@ const funtwin = {};
   const canvas = box.querySelector("canvas");
   let renderer;
   try {
-    renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    renderer = new THREE.WebGLRenderer({ canvas, antialias: !bySoftware(), preserveDrawingBuffer: true });
   } catch {
     document.body.classList.add("still"); // the page's pictures instead
     funtwin.ready = Promise.resolve(false);
     return;
   }
-  renderer.outputEncoding = THREE.sRGBEncoding;
-  renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+  const fine = Math.min(window.devicePixelRatio, 2);
+  renderer.setPixelRatio(fine);
   const camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.02, 200);
   camera.up.set(0, 0, 1);
   const lamp = new THREE.DirectionalLight(0xffffff, 0.35); // at the eye, so that edges show
   let scene = null;
   let asked = false;
   const draw = () => {
-    asked = false;
     if (!scene) return;
     lamp.position.copy(camera.position);
     renderer.render(scene.root, camera);
   };
+  // While something moves and drawings come late, they have half as many pixels a side; at rest all
+  let [drawn, late, still] = [0, 0, 0];
   const changed = () => {
     if (asked) return;
     asked = true;
-    requestAnimationFrame(draw);
+    requestAnimationFrame((now) => {
+      asked = false;
+      late = now - drawn > LATE_MS && now - drawn < 4 * LATE_MS ? Math.min(late + 1, LATE) : Math.max(late - 1, 0);
+      drawn = now;
+      if (late === LATE && renderer.getPixelRatio() === fine) {
+        renderer.setPixelRatio(fine / 2);
+        resize();
+      }
+      draw();
+      clearTimeout(still);
+      still = setTimeout(() => {
+        if (renderer.getPixelRatio() === fine) return;
+        [late, drawn] = [0, 0];
+        renderer.setPixelRatio(fine);
+        resize();
+        draw();
+      }, STILL_MS);
+    });
   };
   const orbit = new Orbit(camera, canvas, changed);
   const home = () => orbit.look(told.view.eye, told.view.target, told.view.fov);
@@ -42,7 +69,6 @@ const funtwin = {};
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    changed();
   };
 
   const card = (part) => document.querySelector(`.joint[data-part="${part.name}"]`);
@@ -84,7 +110,7 @@ const funtwin = {};
       ruler.setAttribute("aria-pressed", Boolean(measure.on));
     });
     tools.querySelector("button[name=home]").addEventListener("click", home);
-    new ResizeObserver(resize).observe(box);
+    new ResizeObserver(() => { resize(); changed(); }).observe(box);
     home();
     clock.go(0);
     resize();
