@@ -64,7 +64,10 @@ def main() -> None:
             playing = tab.run(_PLAY % _SIZE)
             median, triangles = tab.run(_DRAW % (width, height, width, height, _DRAWINGS, _DRAWINGS))
         size = page.stat().st_size / 1e6
-        print(f"| {run.name} | {triangles:,} | {1000 / median:.0f} | {playing:.0f} | {size:.1f} | {ready:.1f} |", flush=True)
+        print(
+            f"| {run.name} | {triangles:,} | {1000 / median:.0f} | {playing:.0f} | {size:.1f} | {ready:.1f} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":
