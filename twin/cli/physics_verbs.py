@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +130,8 @@ def catch(
     elif typical:
         found = typical_catch(chosen)
     edited = set_catch(twin, chosen.id, found)
-    return keep(run, edited, [(chosen.name, c) for c in edited.changes])
+    again = {chosen.id: lambda t: set_catch(t, chosen.id, found).twin}
+    return keep(run, edited, [(chosen.name, c) for c in edited.changes], again=again)
 
 
 def estimate(
@@ -155,6 +157,7 @@ def estimate(
     notes: list[str] = []
     warnings: list[str] = []
     rows: list[tuple[str, Change]] = []
+    again: dict[int, Callable[[Twin], Twin]] = {}
     with console.progress() as progress:
         for p in [_part(twin, part)] if part is not None else list(twin.parts):
             picture = part_picture(twin, p, run_folder(run), frame)
@@ -171,12 +174,19 @@ def estimate(
             progress(f"ask {p.name}", 1.0, f"{sent} {told} {endpoint.place}, model {endpoint.model}")
             edited = apply(twin, p.id, answer.value, endpoint.model, table)
             twin, a = edited.twin, answer.value
+            again[p.id] = partial(_estimated, number=p.id, answer=answer.value, model=endpoint.model)
             warnings += edited.warnings
             rows += [(p.name, c) for c in edited.changes]
             notes.append(f"{p.name}: {a.name}, {a.shape} of {a.material}, {a.mass:.3g} kg: {a.notes}")
     if endpoint is None:
         return Outcome({"sent": False}, notes=[*notes, "nothing was sent"])
-    return keep(run, Edited(twin, (), tuple(warnings)), rows, notes)
+    return keep(run, Edited(twin, (), tuple(warnings)), rows, notes, again)
+
+
+def _estimated(twin: Twin, number: int, answer: Any, model: str) -> Twin:
+    from twin.vlm.estimate import apply
+
+    return apply(twin, number, answer, model, read_materials()).twin
 
 
 def _frames_of(path: Path, twin: Twin, run: Path) -> Callable[[int], Any]:
@@ -189,10 +199,28 @@ def _frames_of(path: Path, twin: Twin, run: Path) -> Callable[[int], Any]:
 
 
 def keep(
-    run: Path, edited: Edited, changes: Sequence[tuple[str, Change]], notes: Sequence[str] = ()
+    run: Path,
+    edited: Edited,
+    changes: Sequence[tuple[str, Change]],
+    notes: Sequence[str] = (),
+    again: Mapping[int, Callable[[Twin], Twin]] | None = None,
 ) -> Outcome:
-    """Write the changed twin and tell what changed, and which files are now of an earlier twin."""
+    """Write the changed twin and tell what changed, and which files are now of an earlier twin.
+
+    again: by a part's id, the change of a twin that has mass and friction: it is made of the twin without the
+    user's edits as well, so that edits made anew don't lose it.
+    """
     update(load(run), edited.twin, run)
+    from twin.edits import found_folder
+    from twin.physics import with_physics
+
+    aside = found_folder(run_folder(run))
+    if aside != run_folder(run) / "twin":
+        before = load(aside)
+        after = with_physics(before)
+        for number in (again or {}).keys() & {p.id for p in before.parts}:
+            after = (again or {})[number](after)
+        update(before, after, aside)
     return _told(run, edited, changes, notes)
 
 

@@ -446,3 +446,16 @@ def test_the_page_tells_the_edits(run: Path, cabinet: Twin) -> None:
     edits.add(run, [edit_of(cabinet, "door", "upper=95deg")])
     text = render(run).read_text(encoding="utf-8")
     assert "Edited by the user: <code>upper of door = 1.65806 rad</code>" in text
+
+
+def test_a_catch_outlives_edits_that_are_made_after_it(run: Path) -> None:
+    assert cli(["edit", str(run), "--part", "door", "upper=95deg"]) == 0
+    assert cli(["physics", "catch", str(run), "--part", "door", "--hold", "7.2Nm"]) == 0
+    assert cli(["edit", str(run), "--part", "door", "name=fridge"]) == 0
+    for name in ("fridge", "door"):
+        physics = load(run).part(name).physics
+        assert physics is not None
+        assert physics.catch is not None
+        assert physics.catch.force.value == pytest.approx(7.2)
+        if name == "fridge":
+            assert cli(["edit", str(run), "--undo", "2"]) == 0
