@@ -9,6 +9,7 @@ import numpy as np
 from twin.completion import without_shapes
 from twin.completion.asset import is_reconstructed
 from twin.errors import InputError, SceneError
+from twin.placed import replaced
 from twin.scene import Part, Twin
 from twin.units import ANGLES, LENGTHS, number_and_unit
 
@@ -47,7 +48,7 @@ def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: 
     new = replace(old, joint=replace(old.joint, lower=low, upper=high), limits_source="stated")
     if cut := cut_off(new, _STATED):
         raise SceneError(cut, "give limits that hold it")
-    changed = replace(twin, parts=tuple(new if p.id == old.id else p for p in twin.parts))
+    changed = replaced(twin, new)
     return without_shapes(changed) if is_reconstructed(changed) else changed
 
 

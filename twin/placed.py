@@ -1,4 +1,4 @@
-"""A twin in another world frame, or with other zeros of its states."""
+"""A twin in another world frame, with other zeros of its states, or with another state of one part."""
 
 from __future__ import annotations
 
@@ -31,6 +31,11 @@ def placed(twin: Twin, T_new_old: Array) -> Twin:
         parts=tuple(_moved(p, T_new_old, p.joint.transformed(T_new_old)) for p in twin.parts),
         cameras=None if twin.cameras is None else twin.cameras.transformed(T_new_old),
     )
+
+
+def replaced(twin: Twin, part: Part) -> Twin:
+    """The twin with this part in place of its part of the same id."""
+    return replace(twin, parts=tuple(part if p.id == part.id else p for p in twin.parts))
 
 
 def counted_from(twin: Twin, states: Mapping[int, float]) -> Twin:

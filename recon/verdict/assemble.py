@@ -17,12 +17,12 @@ from recon.recording import Recording
 from recon.verdict.judge import Judged
 from twin.completion.frame import kind_by_joint, viewer
 from twin.completion.part_names import part_names
-from twin.edits import FILE, found_folder, keep, kept_aside, read
+from twin.edits import found_folder, keep, kept_aside, read
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.names import legal_name
 from twin.physics import keep_known
-from twin.runs.manifest import MANIFEST, update_manifest
+from twin.runs.manifest import EDITS, MANIFEST, update_manifest
 from twin.runs.stages import Run
 from twin.scene import (
     FIRST_PART_ID,
@@ -161,17 +161,16 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
     folder = found_folder(out)
     if folder == out / "twin":
         return _keep_found(run, twin, folder, out)
-    if (aside := kept_aside(out)) is not None:
-        run.warn(f"{out / 'twin'} was changed beside its edits: it is kept in {aside}")
+    by_hand = kept_aside(out)
     kept = _keep_found(run, twin, folder, out)
     try:
         edits = read(out, kept)
     except InputError as e:
-        aside = aside_name(out / FILE)
-        (out / FILE).rename(aside)
+        aside = aside_name(out / EDITS)
+        (out / EDITS).rename(aside)
         run.warn(f"the edits are kept in {aside} and not made: {e.problem}")
         edits = []
-    result = keep(out, kept, edits)
+    result = keep(out, kept, edits, by_hand)
     for text in result.warnings:
         run.warn(text)
     return result.twin
@@ -251,6 +250,6 @@ def keep_key_frames(twin: Twin, recording: Recording, out: Path) -> None:
     """Pictures of the recording for the page: the few that tell the story, and a film."""
     from twin.report import film_frames, pick_key_frames, save_film, save_key_frames
 
-    save_film(out, film_frames(twin), recording.color, recording.intrinsics.matrix)
+    save_film(out, film_frames(twin), recording.color)
     chosen = pick_key_frames(twin)
     save_key_frames(out, {f: recording.color(f) for f in chosen}, recording.intrinsics.matrix)

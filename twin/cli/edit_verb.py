@@ -33,19 +33,18 @@ def edit(
         return judged(_listed(edits.read(place, edits.found_twin(place)), "edits"), twin)
     with page(place):
         twin = load(place)
-        warnings: list[str] = []
         if undo is not None:
-            rows = edits.undo(place, undo)
+            rows, made = edits.undo(place, undo)
         else:
             name = part if part is not None else _only([p.name for p in twin.parts], assignments)
             rows = [edits.edit_of(twin, name, text, why) for text in assignments]
             rows.sort(key=lambda e: e.what == "name")  # the others name the part as it is called now
-            warnings = edits.add(place, rows).warnings
+            made = edits.add(place, rows)
     now = load(place)
     outcome = _listed(
         rows, "taken back" if undo is not None else "what changed", told_of_files(place, run, now.name)
     )
-    return judged(Outcome(outcome.data, outcome.tables, outcome.notes, warnings), now)
+    return judged(Outcome(outcome.data, outcome.tables, outcome.notes, made.warnings), now)
 
 
 def _only(names: Sequence[str], assignments: Sequence[str]) -> str:

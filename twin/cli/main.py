@@ -107,9 +107,11 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
 
 def _edited(run: object) -> list[str]:
     """Lines about the edits of a run, which every verb makes where they are not made yet."""
-    if not isinstance(run, Path) or not any(
-        (p / "twin_found").is_dir() or (p / "edits.json").is_file() for p in (run, run.parent)
-    ):
+    if not isinstance(run, Path):
+        return []
+    from twin.runs.manifest import EDITS, FOUND
+
+    if not any((p / name).exists() for p in (run, run.parent) for name in (EDITS, FOUND)):
         return []
     from twin.cli.step import settled_edits
 

@@ -13,7 +13,7 @@ from twin.cli.console import Outcome
 from twin.errors import FuntwinError
 from twin.files.paths import require_writable
 from twin.report.sections import Section, require_own_page, save_section
-from twin.runs.manifest import MANIFEST
+from twin.runs.manifest import EDITS, MANIFEST
 from twin.runs.run_lock import claimed
 from twin.scene import Part, Twin
 from twin.storage import require_place
@@ -101,7 +101,7 @@ def settled_edits(run: Path) -> list[str]:
     if made is None:
         return []
     count = len(made.twin.provenance.get("edits", []))
-    return [f"{place / 'edits.json'} was changed: {count} of its edits are made now", *made.warnings]
+    return [f"{place / EDITS} was changed: {count} of its edits are made now", *made.warnings]
 
 
 def _shown(run: Path) -> dict[Path, int]:

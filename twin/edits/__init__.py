@@ -1,7 +1,6 @@
 """What a user changes about a twin: edits that last, are told in every file, and can be taken back."""
 
 from twin.edits.edit import Edit as Edit
-from twin.edits.journal import FILE as FILE
 from twin.edits.journal import Made as Made
 from twin.edits.journal import add as add
 from twin.edits.journal import edit_of as edit_of

@@ -58,6 +58,10 @@ def edit_from(row: Any, known: Mapping[str, Any], where: str) -> Edit:
     for key in ("part", "unit", "why"):
         if not isinstance(row.get(key, ""), str):
             raise InputError(f"{where}: {key} is a text, not {row[key]!r:.40}", "write it in quotes")
+    if not isinstance(row.get("measured", False), bool):
+        raise InputError(
+            f"{where}: measured is true or false, not {row['measured']!r:.40}", "write one of them"
+        )
     interval = row.get("interval")
     if interval is not None and not (
         isinstance(interval, list)
@@ -68,7 +72,7 @@ def edit_from(row: Any, known: Mapping[str, Any], where: str) -> Edit:
     ends = None if interval is None else (float(interval[0]), float(interval[1]))
     return Edit(
         row["what"], row.get("part", ""), row.get("to"), row.get("from"), row.get("unit", ""), row.get("why", ""), ends,
-        bool(row.get("measured", False)),
+        row.get("measured", False),
     )  # fmt: skip
 
 

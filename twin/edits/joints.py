@@ -13,9 +13,8 @@ from twin.edits.unfit import Unfit
 from twin.edits.values import degrees_between
 from twin.geometry import Array
 from twin.limits import with_limits
-from twin.physics import KEPT
-from twin.placed import counted_from
-from twin.scene import Joint, Part, Revolute, Twin
+from twin.placed import counted_from, replaced
+from twin.scene import Part, Revolute, Twin
 
 # An axis that a new reconstruction found elsewhere: degrees from what the edit was made of, and m of its
 # pivot. Chosen by us: beyond it is another joint.
@@ -31,7 +30,8 @@ def with_axis(twin: Twin, part: Part, to: Array, was: Array) -> Twin:
         raise Unfit(f"its axis is {degrees_between(now, was):.0f} degrees from the one that was edited")
     joint = part.joint.with_pivot(part.mesh.area_centroid) if len(part.mesh.faces) else part.joint
     to = to if to @ now >= 0 else -to
-    return _with_joint(twin, part, replace(joint, axis=geo.unit(to), covariance=None, sigma=None))
+    new = replace(joint, axis=geo.unit(to), covariance=None, sigma=None)
+    return bare(replaced(twin, replace(part, joint=new)))
 
 
 def with_pivot(twin: Twin, part: Part, to: Array, was: Array) -> Twin:
@@ -43,14 +43,14 @@ def with_pivot(twin: Twin, part: Part, to: Array, was: Array) -> Twin:
     off = min(float(np.linalg.norm(n - p)) for n, p in zip(now, (was, to), strict=True))
     if off > _OTHER_PIVOT:
         raise Unfit(f"its axis runs {100 * off:.0f} cm beside the one that was edited")
-    return _with_joint(twin, part, replace(joint, pivot=to, covariance=None, sigma=None))
+    new = replace(joint, pivot=to, covariance=None, sigma=None)
+    return bare(replaced(twin, replace(part, joint=new)))
 
 
 def with_limit(twin: Twin, part: Part, what: str, to: float) -> Twin:
     """Another lower or upper limit."""
     changed = with_limits(twin, part.id, **{what: to})
-    new = replace(changed.part(part.id), limits_source=USER)
-    return replace(changed, parts=tuple(new if p.id == part.id else p for p in changed.parts))
+    return replaced(changed, replace(changed.part(part.id), limits_source=USER))
 
 
 def with_closed(twin: Twin, part: Part, at: float) -> Twin:
@@ -63,22 +63,10 @@ def with_closed(twin: Twin, part: Part, at: float) -> Twin:
     if -new.joint.lower > new.joint.upper:  # it opens the other way now
         motion = replace(new.motion, state=-new.motion.state)
         new = replace(new, joint=new.joint.reversed(), motion=motion)
-    new = replace(new, closed_source=USER)
-    return bare(replace(counted, parts=tuple(new if p.id == part.id else p for p in counted.parts)))
-
-
-def _with_joint(twin: Twin, part: Part, joint: Joint) -> Twin:
-    new = replace(part, joint=joint)
-    return bare(replace(twin, parts=tuple(new if p.id == part.id else p for p in twin.parts)))
+    return bare(replaced(counted, replace(new, closed_source=USER)))
 
 
 def bare(twin: Twin) -> Twin:
-    """Without what the program computed of the geometry that changed; the next export makes it anew. What was
-    weighed or stated stays."""
-    if not is_reconstructed(twin):
-        return twin
-    parts = tuple(
-        replace(p, inertial=None) if p.inertial is not None and p.inertial.mass.origin not in KEPT else p
-        for p in without_shapes(twin).parts
-    )
-    return replace(without_shapes(twin), parts=parts)
+    """Without the shapes and the inferred layer that the program made of the geometry that changed; the next
+    export makes them anew. Stated ones stay."""
+    return without_shapes(twin) if is_reconstructed(twin) else twin

@@ -19,10 +19,10 @@ from twin.edits.kinds import KINDS, applied
 from twin.errors import FuntwinError, InputError
 from twin.files.atomic import staging
 from twin.files.text import write_text
+from twin.runs.manifest import EDITS, FOUND
 from twin.scene import Twin
 from twin.storage import digest, keep_aside, load, save
 
-FILE, FOUND = "edits.json", "twin_found"
 _FORMAT = "funtwin-edits/1"
 
 
@@ -59,7 +59,7 @@ def read(run: Path, twin: Twin) -> list[Edit]:
 
     Raises InputError for a file that is no list of edits, and for one of another twin, by its name.
     """
-    path = run / FILE
+    path = run / EDITS
     if not path.is_file():
         return []
     try:
@@ -81,12 +81,12 @@ def read(run: Path, twin: Twin) -> list[Edit]:
 def write(run: Path, twin: Twin, edits: Sequence[Edit]) -> None:
     """Write them, one a line; without any the file goes."""
     if not edits:
-        (run / FILE).unlink(missing_ok=True)
+        (run / EDITS).unlink(missing_ok=True)
         return
     rows = ",\n".join(f"  {json.dumps(e.row, allow_nan=False, ensure_ascii=False)}" for e in edits)
     head = {"format": _FORMAT, "twin": twin.name, "recording": _recording(twin)}
     lines = "".join(f' "{key}": {json.dumps(value)},\n' for key, value in head.items())
-    write_text(run / FILE, f'{{\n{lines} "edits": [\n{rows}\n ]\n}}\n')
+    write_text(run / EDITS, f'{{\n{lines} "edits": [\n{rows}\n ]\n}}\n')
 
 
 def add(run: Path, edits: Sequence[Edit]) -> Made:
@@ -99,26 +99,31 @@ def add(run: Path, edits: Sequence[Edit]) -> Made:
     twin = made(found, before).twin
     for edit in edits:
         twin = applied(twin, edit)
-    aside = kept_aside(run)
-    return _with_note(keep(run, found, [*before, *edits]), aside)
+    return keep(run, found, [*before, *edits], kept_aside(run))
 
 
-def undo(run: Path, count: int = 1) -> list[Edit]:
-    """Take the last edits back; they are returned, the last one first. Raises InputError for more than there
-    are."""
+def undo(run: Path, count: int = 1) -> tuple[list[Edit], Made]:
+    """Take the last edits back: these, the last one first, and the twin without them.
+
+    Raises InputError for more than there are.
+    """
     found = _own(run)
     edits = read(run, found)
     if not 1 <= count <= len(edits):
         has = f"{len(edits)} edit{'s' * (len(edits) != 1)}" if edits else "no edits"
         raise InputError(f"{run} has {has}: {count} can't be taken back", "give fewer")
-    kept_aside(run)
-    keep(run, found, edits[:-count])
-    return edits[: -count - 1 : -1]
+    return edits[: -count - 1 : -1], keep(run, found, edits[:-count], kept_aside(run))
 
 
-def keep(run: Path, found: Twin, edits: Sequence[Edit]) -> Made:
-    """Write a twin with edits: what was found into RUN/twin_found/, the edited one into RUN/twin/."""
+def keep(run: Path, found: Twin, edits: Sequence[Edit], by_hand: Path | None = None) -> Made:
+    """Write a twin with edits: what was found into RUN/twin_found/, the edited one into RUN/twin/.
+
+    by_hand: from `kept_aside`, to be told.
+    """
     result = made(found, edits)
+    if by_hand is not None:
+        note = f"the twin was changed beside its edits: it is kept in {by_hand}"
+        result = replace(result, notes=(note,))
     aside = run / FOUND
     if edits and not (aside / "twin.json").is_file():
         _linked(run / "twin", aside)
@@ -133,7 +138,7 @@ def settled(run: Path) -> Made | None:
     """The run's twin with the edits of RUN/edits.json, made now where they are not made yet; None where the
     twin stands as the file says, or there is neither."""
     there = run / "twin" / "twin.json"
-    if not there.is_file() or not ((run / FILE).is_file() or (run / FOUND).is_dir()):
+    if not there.is_file() or not ((run / EDITS).is_file() or (run / FOUND).is_dir()):
         return None
     found = found_twin(run)
     edits = read(run, found)
@@ -142,8 +147,7 @@ def settled(run: Path) -> Made | None:
         not edits and (run / FOUND).is_dir()
     ):
         return None
-    aside = kept_aside(run)
-    return _with_note(keep(run, found, edits), aside)
+    return keep(run, found, edits, kept_aside(run))
 
 
 def kept_aside(run: Path) -> Path | None:
@@ -156,12 +160,6 @@ def kept_aside(run: Path) -> Path | None:
     known = [edit_from(row, KINDS, f"{run / 'twin'}, provenance, edit {k}") for k, row in enumerate(rows, 1)]
     same = digest(made(found_twin(run), known).twin) == digest(there)
     return None if same else keep_aside(run / "twin")
-
-
-def _with_note(result: Made, aside: Path | None) -> Made:
-    if aside is None:
-        return result
-    return replace(result, notes=(f"the twin was changed beside its edits: it is kept in {aside}",))
 
 
 def found_folder(run: Path) -> Path:

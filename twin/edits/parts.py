@@ -15,7 +15,9 @@ from twin.edits.worth import rejudged
 from twin.geometry import Array
 from twin.mesh import vertex_pieces
 from twin.names import legal_name
-from twin.scene import FIRST_PART_ID, HAND_LABEL, STATIC_LABEL, Mesh, Part, Twin
+from twin.physics import KEPT
+from twin.placed import replaced
+from twin.scene import FIRST_PART_ID, HAND_LABEL, STATIC_LABEL, Mesh, Part, StaticPart, Twin
 
 # Share of a part's surface below which a piece of it is too small to be a part; chosen by us.
 _LEAST = 0.01
@@ -24,20 +26,17 @@ _LEAST = 0.01
 def with_name(twin: Twin, part: Part, to: str) -> Twin:
     """The part by another name, in pairs that don't collide as well."""
     pairs = tuple((to if a == part.name else a, to if b == part.name else b) for a, b in twin.filtered_pairs)
-    parts = tuple(replace(p, name=to) if p.id == part.id else p for p in twin.parts)
-    return rejudged(replace(twin, parts=parts, filtered_pairs=pairs))
+    unpaired = replace(twin, filtered_pairs=())  # a pair names parts that there are
+    return rejudged(replace(replaced(unpaired, replace(part, name=to)), filtered_pairs=pairs))
 
 
 def removed(twin: Twin, part: Part) -> Twin:
     """The part is none: its surface stands still, closed, with what carried it. What it carried stays."""
-    held = replace(twin, parts=tuple(_on(p, part, part.parent) for p in twin.parts if p.id != part.id))
-    if part.parent is None:
-        whole = _joined(twin.static.mesh, part.mesh)
-        held = replace(held, static=replace(twin.static, mesh=whole))
-    else:
-        held = _with_mesh(held, part.parent, part.mesh)
-    into = STATIC_LABEL if part.parent is None else part.parent
-    return _settled(twin, held, part, into)
+    if part.parent is not None:
+        return _taken_in(twin, part, twin.part(part.parent))
+    static = twin.static
+    whole = replace(static, mesh=_joined(static, part), collision=(*static.collision, *part.collision))
+    return _without(replace(twin, static=whole), part, None)
 
 
 def merged(twin: Twin, part: Part, other: Part) -> Twin:
@@ -46,49 +45,56 @@ def merged(twin: Twin, part: Part, other: Part) -> Twin:
         raise Unfit("it is that part")
     if other.parent == part.id:
         raise Unfit(f"{other.name} is mounted on it")
-    held = replace(twin, parts=tuple(_on(p, part, other.id) for p in twin.parts if p.id != part.id))
-    return _settled(twin, _with_mesh(held, other.id, part.mesh), part, other.id)
+    return _taken_in(twin, part, other)
 
 
 def split(twin: Twin, part: Part, point: Array) -> Twin:
     """The connected piece of the part that is nearest to a point (3,) m becomes a part of its own, with the
-    same joint and motion. Labels tell it not apart: they stay the first one's."""
+    same joint and motion. Labels tell it not apart: they stay the first one's. Neither keeps a mass."""
     mesh = part.mesh
     if not len(mesh.faces):
         raise Unfit("it has no surface")
     piece = vertex_pieces(mesh.faces, len(mesh.vertices))[mesh.faces[:, 0]]
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     mine = np.asarray(piece == piece[int(np.argmin(np.linalg.norm(middles - point, axis=1)))], np.bool_)
-    area = mesh.of(mine).area
-    if not _LEAST * mesh.area < area < (1 - _LEAST) * mesh.area:
-        raise Unfit(
-            f"the piece nearest to that point has {100 * area / max(mesh.area, 1e-12):.1f} % of its surface"
-        )
+    share = mesh.of(mine).area / max(mesh.area, 1e-12)
+    if not _LEAST < share < 1 - _LEAST:
+        raise Unfit(f"the piece nearest to that point has {100 * share:.1f} % of its surface")
     name = legal_name(part.name, [o.name for o in twin.owners])
     number = next(k for k in range(FIRST_PART_ID, HAND_LABEL) if all(p.id != k for p in twin.parts))
-    apart = replace(part, id=number, name=name, mesh=mesh.of(mine), contact=None, handle=None, inertial=None)
-    left = replace(part, mesh=mesh.of(~mine), inertial=None)
-    parts = [left if p.id == part.id else p for p in twin.parts]
-    return rejudged(bare(replace(twin, parts=(*parts, apart))))
+    bodiless = replace(part, inertial=None, physics=None, collision=(), completion=None)
+    apart = replace(bodiless, id=number, name=name, mesh=mesh.of(mine), contact=None, handle=None)
+    left = replaced(twin, replace(bodiless, mesh=mesh.of(~mine)))
+    return rejudged(bare(replace(left, parts=(*left.parts, apart))))
 
 
-def _on(part: Part, gone: Part, carrier: int | None) -> Part:
-    return replace(part, parent=carrier) if part.parent == gone.id else part
+def _taken_in(twin: Twin, part: Part, by: Part) -> Twin:
+    """The part as a piece of another one, whose mass and resistance are computed anew unless it was weighed
+    or a number of it stated."""
+    told = by.physics is not None and (
+        by.physics.catch is not None or any(q.origin in KEPT for q in by.physics.numbers.values())
+    )
+    weighed = by.inertial is not None and by.inertial.mass.origin in KEPT
+    whole = replace(
+        by,
+        mesh=_joined(by, part),
+        collision=(*by.collision, *part.collision),
+        inertial=by.inertial if weighed else None,
+        physics=by.physics if told or weighed else None,
+    )
+    return _without(replaced(twin, whole), part, by.id)
 
 
-def _joined(a: Mesh, b: Mesh) -> Mesh:
-    return joined_textures([a, b])[0]
+def _joined(a: StaticPart | Part, b: Part) -> Mesh:
+    return joined_textures([a.mesh, b.mesh])[0]
 
 
-def _with_mesh(twin: Twin, number: int, more: Mesh) -> Twin:
-    parts = tuple(replace(p, mesh=_joined(p.mesh, more)) if p.id == number else p for p in twin.parts)
-    return replace(twin, parts=parts)
-
-
-def _settled(before: Twin, twin: Twin, gone: Part, into: int) -> Twin:
-    """With the labels of what is gone as another's, and without its pairs."""
-    pairs = tuple(pair for pair in twin.filtered_pairs if gone.name not in pair)
+def _without(twin: Twin, gone: Part, by: int | None) -> Twin:
+    """Without a part: what it carried, its pixels and its pairs are another's, or the static scene's."""
+    parts = tuple(replace(p, parent=by) if p.parent == gone.id else p for p in twin.parts if p.id != gone.id)
+    into = np.uint8(STATIC_LABEL if by is None else by)
     labels: Mapping[int, NDArray[np.uint8]] = {
-        frame: np.where(image == gone.id, np.uint8(into), image) for frame, image in before.labels.items()
+        frame: np.where(image == gone.id, into, image) for frame, image in twin.labels.items()
     }
-    return rejudged(bare(replace(twin, labels=labels, filtered_pairs=pairs)))
+    pairs = tuple(pair for pair in twin.filtered_pairs if gone.name not in pair)
+    return rejudged(bare(replace(twin, parts=parts, labels=labels, filtered_pairs=pairs)))

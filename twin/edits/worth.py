@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from twin.edits.unfit import Unfit
+from twin.placed import replaced
 from twin.scene import Part, Twin
 from twin.verdict import Verdict, of_twin
 
@@ -24,8 +25,7 @@ def overruled(twin: Twin, part: Part | None, word: str) -> Twin:
 
 def _by_word(twin: Twin, part: Part, word: str) -> Twin:
     verdict = part.verdict if part.verdict is not None else Verdict()
-    new = replace(part, verdict=verdict.by_word(word))
-    return replace(twin, parts=tuple(new if p.id == part.id else p for p in twin.parts))
+    return replaced(twin, replace(part, verdict=verdict.by_word(word)))
 
 
 def rejudged(twin: Twin) -> Twin:

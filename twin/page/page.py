@@ -15,10 +15,10 @@ from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
 from twin.page.drawn import drawn_once
 from twin.page.facts import numbers, part_facts
-from twin.page.pictures import jpeg, uri
 from twin.page.replays import replay_of
-from twin.page.viewer import edit_script, scene_document, scene_glb, scripts, three_js
+from twin.page.viewer import scene_document, scene_glb, scripts, three_js
 from twin.report.frames import Image, drawn_key_frames, part_color
+from twin.report.pictures import jpeg, uri
 from twin.report.plots import shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, load_section, require_own_page, twin_key
 from twin.report.timeline import timeline
@@ -38,10 +38,10 @@ VERBS = ("evaluate", "export", "check", "replay")
 # what the page lacks of a run without a twin, and of a twin without a run
 _NO_TWIN: dict[str, Any] = {
     "twin": None, "verdict": None, "unjudged": "", "said": "", "edits": [], "inferred": False, "parts": [], "timeline": "",
-    "scene": None, "key_frames": [], "opening": [], "dollhouse": "", "plan": "",
+    "scene": None, "key_frames": [], "opening": [], "dollhouse": "", "plan": "", "live": False,
 }  # fmt: skip
 _NO_RUN: dict[str, Any] = {
-    "cards": [], "warnings": [], "live": False, "sections": [], "replays": [], "stages": [], "versions": {}, "config": "",
+    "cards": [], "warnings": [], "sections": [], "replays": [], "stages": [], "versions": {}, "config": "",
 }  # fmt: skip
 STEPS = 2  # pictures from closed to open
 
@@ -72,10 +72,9 @@ def html(run: Path, live: bool = False) -> str:
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
     context = {
         "name": twin.name if twin else run.resolve().name,
-        **(_twin_of_run(run, twin) if twin else _NO_TWIN),
+        **(_twin_of_run(run, twin, live) if twin else _NO_TWIN),
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
-        "live": live and twin is not None,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
         "replays": [replay_of(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
         "stages": _stages(manifest),
@@ -91,11 +90,12 @@ def html_of(twin: Twin) -> str:
     return _rendered({"name": twin.name, **_of_twin(twin, {"plots": {}}, scene, []), **_NO_RUN})
 
 
-def _twin_of_run(run: Path, twin: Twin) -> dict[str, Any]:
+def _twin_of_run(run: Path, twin: Twin, live: bool) -> dict[str, Any]:
     pictures = drawn_once(run, twin, _drawn)
     glb = drawn_once(run, twin, _glb, "scene")["glb"]
     key_frames = [(k, jpeg(image)) for k, image in drawn_key_frames(run, twin)]
-    return _of_twin(twin, pictures, _scene(run, twin, glb) if glb else None, key_frames)
+    scene = _scene(run, twin, glb, live) if glb else None
+    return _of_twin(twin, pictures, scene, key_frames) | {"live": live and scene is not None}
 
 
 def _of_twin(
@@ -181,18 +181,11 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _scene(run: Path | None, twin: Twin, glb: str) -> dict[str, Any]:
+def _scene(run: Path | None, twin: Twin, glb: str, live: bool = False) -> dict[str, Any]:
     """What the page's scripts draw."""
     told = scene_document(run, twin)
     layers = [(name, text, name in _SHOWN) for name, text in _LAYERS.items()]
-    return {
-        "glb": glb,
-        "told": told,
-        "three": three_js(),
-        "scripts": scripts(),
-        "layers": layers,
-        "edits": edit_script(),
-    }
+    return {"glb": glb, "told": told, "three": three_js(), "scripts": scripts(live), "layers": layers}
 
 
 def _drawn(twin: Twin) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.files.text import read_json
-from twin.page.pictures import jpeg, uri
+from twin.report.pictures import jpeg, uri
 from twin.report.plots import FILM_LIMIT, film_pictures
 from twin.report.sections import Table
 

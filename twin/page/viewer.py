@@ -24,7 +24,8 @@ from twin.report.plots import unit
 from twin.report.views import View, overview, part_view
 from twin.scene import Part, Twin
 
-SCRIPTS = ("orbit.js", "scene.js", "measure.js", "clock.js", "viewer.js")
+_SCRIPTS = ("orbit.js", "scene.js", "measure.js", "clock.js", "viewer.js")
+_LIVE = ("edits.js",)
 _AS_RECORDED = AssetView("complete", "keep", "camera")
 _LAST = "THREE.GLTFLoader=GLTFLoader;})();"  # of the library in trimesh's page; its own code follows
 _DIGITS = 5  # of metres and quaternions: a hundredth of a millimetre
@@ -109,17 +110,10 @@ def _rounded(values: Array | NDArray[np.float64]) -> Any:
 
 
 @cache
-def edit_script() -> str:
-    """The script of a page that edits the twin."""
-    return (Path(__file__).parent / "scripts" / "edits.js").read_text(encoding="utf-8")
-
-
-@cache
-def scripts() -> str:
-    """The page's own scripts."""
-    return "\n".join(
-        (Path(__file__).parent / "scripts" / name).read_text(encoding="utf-8") for name in SCRIPTS
-    )
+def scripts(live: bool) -> str:
+    """The page's own scripts. live: with that which edits the twin."""
+    folder = Path(__file__).parent / "scripts"
+    return "\n".join((folder / name).read_text(encoding="utf-8") for name in (*_SCRIPTS, *_LIVE * live))
 
 
 @cache

@@ -13,6 +13,7 @@ from twin.physics.materials import Material, MaterialTable, read_materials
 from twin.physics.rests import unheld, with_rests
 from twin.physics.surface_mass import shell_inertial
 from twin.physics.text import described
+from twin.placed import replaced
 from twin.quantities import Inertial, Quantity
 from twin.scene import Part, Twin
 from twin.units import UNITS
@@ -133,7 +134,7 @@ def set_physics(
 
 def with_part(twin: Twin, new: Part, table: MaterialTable) -> Twin:
     """The twin with another state of one of its parts, and joints that hold all where they rested."""
-    return with_rests(replace(twin, parts=tuple(new if p.id == new.id else p for p in twin.parts)), table)
+    return with_rests(replaced(twin, new), table)
 
 
 def followed(before: Twin, after: Twin, edited: Part) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,8 @@ import numpy as np
 from twin.files.atomic import write_file
 from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_json
-from twin.geometry import Array
 from twin.report.frames import HAND_COLOR, Image, part_color
+from twin.report.pictures import uri
 from twin.scene import HAND_LABEL, Twin
 
 # Chosen by us: 240 pictures of 320 px are 3 MB, and a clip has fewer frames.
@@ -29,23 +28,20 @@ def film_frames(twin: Twin) -> list[int]:
     return sorted({*posed[::step], *(set(posed) & set(twin.labels))})
 
 
-def save_film(
-    run: AnyPath, frames: Sequence[int], color: Callable[[int], Image], camera_matrix: Array
-) -> None:
+def save_film(run: AnyPath, frames: Sequence[int], color: Callable[[int], Image]) -> None:
     """Write RUN/report/film/NNNNNN.jpg and film.json.
 
     Args:
         run: the run folder.
         frames: recording frames.
         color: a frame's picture (H, W, 3) uint8 RGB.
-        camera_matrix: K (3, 3) in pixels of these pictures.
     """
     import cv2
 
     folder = Path(run) / "report" / "film"
     folder.mkdir(parents=True, exist_ok=True)
     before = read_json(folder / "film.json").get("frames", [])
-    size, scale = (0, 0), 1.0
+    size = (0, 0)
     for frame in frames:
         image = color(frame)
         scale = min(1.0, _WIDTH / image.shape[1])
@@ -53,21 +49,19 @@ def save_film(
         small = cv2.resize(image[:, :, ::-1], size, interpolation=cv2.INTER_AREA)
         _, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
         write_file(folder / f"{frame:06d}.jpg", jpeg.tobytes())
-    K = np.diag([scale, scale, 1.0]) @ np.asarray(camera_matrix)
-    write_json(folder / "film.json", {"frames": list(frames), "size": size, "camera_matrix": K.tolist()})
+    write_json(folder / "film.json", {"frames": list(frames), "size": size})
     for old in set(before) - set(frames):
         (folder / f"{old:06d}.jpg").unlink(missing_ok=True)
 
 
 def film(run: Path, twin: Twin, start: float) -> dict[str, Any]:
-    """The film of a run, JSON types: size, focal length in px, and `frames` with number, time (s from
-    `start`), picture and, where it has some, labels as data URIs. Without frames where none was kept."""
+    """The film of a run, JSON types: `frames`, each with number, time (s from `start`), picture and, where it
+    has some, labels as data URIs. Without frames where none was kept."""
     folder = run / "report" / "film"
     index = read_json(folder / "film.json")
     if not index or twin.cameras is None:
         return {"frames": []}
     times = dict(zip(twin.cameras.frames.tolist(), twin.cameras.times.tolist(), strict=True))
-    width, height = index["size"]
     rows = []
     for frame in index["frames"]:
         picture = folder / f"{frame:06d}.jpg"
@@ -76,15 +70,15 @@ def film(run: Path, twin: Twin, start: float) -> dict[str, Any]:
         row = {
             "frame": frame,
             "time": round(times[frame] - start, 4),
-            "image": _uri(picture.read_bytes(), "jpeg"),
+            "image": uri(picture.read_bytes(), "image/jpeg"),
         }
         if frame in twin.labels:
-            row["labels"] = _uri(_labels(twin.labels[frame], twin, (width, height)), "png")
+            row["labels"] = uri(_labels(twin.labels[frame], twin, index["size"]), "image/png")
         rows.append(row)
-    return {"width": width, "height": height, "focal": index["camera_matrix"][1][1], "frames": rows}
+    return {"frames": rows}
 
 
-def _labels(labels: Image, twin: Twin, size: tuple[int, int]) -> bytes:
+def _labels(labels: Image, twin: Twin, size: Sequence[int]) -> bytes:
     """Parts and hand in their colours, the rest clear, as PNG."""
     import cv2
 
@@ -94,7 +88,3 @@ def _labels(labels: Image, twin: Twin, size: tuple[int, int]) -> bytes:
         out[small == label] = (*color[::-1], _OPACITY)
     _, png = cv2.imencode(".png", out)
     return png.tobytes()
-
-
-def _uri(data: bytes, kind: str) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"

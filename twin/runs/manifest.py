@@ -13,6 +13,8 @@ from typing import Any
 from twin.files.text import read_json, write_json
 
 MANIFEST = "manifest.json"
+# the user's edits of a run's twin, and the folder of the twin without them: twin.edits
+EDITS, FOUND = "edits.json", "twin_found"
 # What the folders of a window that is solved a second time end in.
 AGAIN = "-again"
 PACKAGES = ("funtwin", "numpy", "scipy", "open3d", "opencv-contrib-python", "scikit-learn", "mujoco")

@@ -87,8 +87,15 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 30  # s for a request to come whole
 
     def do_GET(self) -> None:
-        if self._allowed() and self._path() == "":
-            self._answer(200, html(self.server.run, live=True).encode(), "text/html; charset=utf-8")
+        if not self._allowed():
+            return
+        try:
+            with self.server.writing, claimed(self.server.run):
+                text = html(self.server.run, live=True)
+        except FuntwinError as e:  # another process works on it, or changed it meanwhile
+            self._answer(409, str(e).encode(), "text/plain; charset=utf-8")
+        else:
+            self._answer(200, text.encode(), "text/html; charset=utf-8")
 
     def do_POST(self) -> None:
         if not self._allowed():
@@ -176,4 +183,5 @@ def _edit(run: Path, told: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _undo(run: Path, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"undone": [e.row for e in edits.undo(run)]}
+    undone, made = edits.undo(run)
+    return {"undone": [e.row for e in undone], "warnings": made.warnings}

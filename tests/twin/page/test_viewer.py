@@ -19,7 +19,7 @@ from scipy import ndimage
 import twin as tw
 from benchmarks.scenes.boards import cabinet_twin
 from tests.makers.browser import Tab, browser
-from tests.twin.page.test_page import SIZE, K, seen
+from tests.twin.page.test_page import SIZE, seen
 from twin import report
 from twin.completion.asset import AssetView
 from twin.errors import InputError, SceneError
@@ -61,7 +61,7 @@ def pictured(frame: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
 def page(twin: Twin, tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = tmp_path_factory.mktemp("run")
     save(twin, run / "twin")
-    report.save_film(run, report.film_frames(twin), pictured, K)
+    report.save_film(run, report.film_frames(twin), pictured)
     return render(run)
 
 
@@ -311,8 +311,8 @@ def test_the_film_has_the_frames_with_labels_and_no_more_than_it_may(twin: Twin)
 
 
 def test_another_film_takes_the_place_of_the_first(twin: Twin, tmp_path: Path) -> None:
-    report.save_film(tmp_path, [0, 4, 8], pictured, K)
-    report.save_film(tmp_path, [4, 5], pictured, K)
+    report.save_film(tmp_path, [0, 4, 8], pictured)
+    report.save_film(tmp_path, [4, 5], pictured)
     assert sorted(p.name for p in (tmp_path / "report" / "film").glob("*.jpg")) == [
         "000004.jpg",
         "000005.jpg",

@@ -84,7 +84,7 @@ def test_an_edit_is_written_and_taken_back(server: Server, run: Path) -> None:
     assert (status, told["ok"]) == (200, True)
     assert told["edit"]["why"] == "looked"
     assert load(run).part("door").joint.upper == pytest.approx(np.deg2rad(95))
-    assert post(server, "undo", {}) == (200, {"ok": True, "undone": [told["edit"]]})
+    assert post(server, "undo", {}) == (200, {"ok": True, "undone": [told["edit"]], "warnings": []})
     assert load(run).part("door").joint.upper == pytest.approx(1.4)
     assert post(server, "undo", {})[0] == 409
 
@@ -199,6 +199,10 @@ def test_another_process_that_works_on_the_run_is_told_of(server: Server, run: P
         status, told = post(server, "edit", UPPER)
         assert status == 409
         assert "in use by another process" in told["error"]
+        status, text, headers = ask(server, "GET", f"/{server.token}/")
+        assert status == 409
+        assert b"in use by another process" in text
+        assert headers["Content-Type"].startswith("text/plain")
     finally:
         done.set()
         other.join()

@@ -21,6 +21,10 @@
       answer.scrollIntoView({ block: "center" });
       return;
     }
+    if (!funtwin.scene) { // pictures stand in for it
+      location.reload();
+      return;
+    }
     const { camera, orbit, clock } = funtwin;
     const open = [...document.querySelectorAll(".editor[open]")].map((e) => e.closest(".joint").dataset.part);
     sessionStorage.setItem(kept, JSON.stringify({
