@@ -13,6 +13,7 @@ from tests.makers.browser import Tab, browser
 from tests.makers.twin.judged import doubted
 from tests.twin.page.test_page import seen
 from twin import edits
+from twin.contacts import distance_to
 from twin.storage import load, save
 from twin.view import Server, serving
 
@@ -130,4 +131,6 @@ def test_a_piece_is_split_off_where_it_is_clicked(tab: Tab, run: Path) -> None:
         " {clientX: b.x + b.width / 2, clientY: b.y + b.height / 2, pointerId: 1, bubbles: true}));})()"
     )
     assert len(load(run).parts) == 2
+    clicked = edits.read(run, edits.found_twin(run))[-1].to
+    assert distance_to(cabinet_twin().part("door").mesh, np.array(clicked)) < 1e-4  # where it is at state 0
     assert tab.complaints == []
