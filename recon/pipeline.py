@@ -19,6 +19,7 @@ from recon.inspection.inspect import INSPECTION, quick_findings
 from recon.interaction.interaction import Interaction
 from recon.interaction.joints.clustering.clusters import require_hdbscan
 from recon.interaction.joints.type_selection import TypeHint
+from recon.interaction.parts.words import SAID
 from recon.models.joint_hint import JointHint
 from recon.readers import open_recording
 from recon.recording import Recording
@@ -117,7 +118,7 @@ def read_stage(run: Path | str, name: str) -> Any:
 
     Raises InputError for an unknown stage or one the run has not kept, CodecError for a damaged one.
     """
-    known = [*_SECONDS, *(n for n in _SECONDS_OF_WALK if n not in _SECONDS)]
+    known = [*_SECONDS, SAID.name, *(n for n in _SECONDS_OF_WALK if n not in _SECONDS)]
     if name not in known:
         close = nearest_name(name, known)
         hint = f"did you mean {close!r}? " if close else ""

@@ -14,11 +14,12 @@ from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.labels.label_frames import LABELS, label_frames
 from recon.interaction.parts.find_parts import MOTION, FoundParts, PartTracks, find_parts
 from recon.interaction.parts.moving_part import MovingPart
+from recon.interaction.parts.words import SAID, hints_said, with_words
 from recon.interaction.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.recording import Recording
 from recon.recording.contents import content_of
 from recon.recording.said import Said
-from recon.tracking.tracks import SparseTracks
+from recon.tracking.tracks import SparseTracks, Tracks
 from recon.windows.windows import Window
 from twin import geometry as geo
 from twin.geometry import Array
@@ -140,29 +141,37 @@ def _local(stage: Chain, seen: Observed, window: Window, item: str) -> _Local:
 def interact(
     stage: Chain, seen: Observed, window: Window, hints: Sequence[TypeHint], said: Said
 ) -> tuple[Interaction, tuple[StageResult[Any], ...]]:
-    """The parts of one window, and the stages' results that they come from: motion, refine, labels, polish.
+    """The parts of one window, and the stages' results that they come from: motion or said, refine, labels,
+    polish.
 
     The window of a clip has the world of its cameras, one of minutes its own: that of its first camera.
     """
     c = stage.config
-    of, of_parts = _local(stage, seen, window, window.name), said.of_parts
+    of = _local(stage, seen, window, window.name)
+    expected = hints if said.words else hints_said(said, 0, hints)
+
+    def dense() -> Tracks:
+        return seen.tracks.value.dense(window.first, window.last)
+
     # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
     found = of.stage(
         MOTION,
         of.tracks,
-        lambda: find_parts(
-            of.recording,
-            seen.tracks.value.dense(window.first, window.last),
-            of.cameras,
-            c.motion,
-            c.joints,
-            hints,
-            said,
-        ),
-        *([hints] if hints else []),
-        *([of_parts] if of_parts is not None else []),
+        lambda: find_parts(of.recording, dense(), of.cameras, c.motion, c.joints, expected),
+        *([expected] if expected else []),
         item=of.item,
     )
+    # Those that the user points at, which need not be found without.
+    if said.words:
+        unsaid = found.value
+        found = of.stage(
+            SAID,
+            [found, *of.tracks],
+            lambda: with_words(of.recording, dense(), of.cameras, unsaid, c.joints, hints, said),
+            replace(said, up=None),
+            *([hints] if hints else []),
+            item=of.item,
+        )
     return _solved(of, window, found)
 
 

@@ -6,7 +6,7 @@ It takes the place of what the stages would choose. It proves nothing: verdicts 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Literal
 
@@ -40,7 +40,8 @@ class Word:
 class Said(Settings):
     """The user's word, in place of what stages would choose; as --at, --interval, --type and --up give it.
 
-    With points or intervals exactly these parts are looked for; if both are given, they pair in order.
+    Points and intervals each name a part, beside those that are found without. If both are given, they pair
+    in order.
     """
 
     at: tuple[tuple[int, int, int], ...] = setting(
@@ -68,14 +69,8 @@ class Said(Settings):
 
     @property
     def words(self) -> tuple[Word, ...]:
-        """What is said of each part, in order; empty where parts are to be found without."""
+        """What is said of each part, in order; empty where nothing is said of one."""
         return tuple(Word(p, i) for p, i in zip_longest(self.at, self.intervals))
-
-    @property
-    def of_parts(self) -> Said | None:
-        """What finding the parts depends on, None where nothing is said of them."""
-        told = replace(self, up=None)
-        return told if told != Said() else None
 
     def type_of(self, number: int) -> JointWord | None:
         """The type of the `number`-th part that is said."""

@@ -96,8 +96,9 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
         if contents is not None:
             stage.run.report("interactions", (k + 1) / len(told), f"of {len(told)}")
     first = None
-    if contents is not None and not said.words:  # what the user says holds
-        local, results, first = _again(stage, seen, path, local, results)
+    if contents is not None:
+        held = [k for k, (_, word) in enumerate(told) if word.words]
+        local, results, first = _again(stage, seen, path, local, results, held)
     solved = local if contents is None else _in_world(local, path.value)
     return _upright(stage, seen, path, solved, [r for rs in results for r in rs], guessed.warnings, first)
 
@@ -113,22 +114,24 @@ def _again(
     path: StageResult[Trajectory],
     local: list[Interaction],
     results: list[tuple[StageResult[Any], ...]],
+    held: Sequence[int],
 ) -> tuple[list[Interaction], list[tuple[StageResult[Any], ...]], Merged | None]:
     """The interactions, those solved again in which a part moves that only others found, and their results;
-    all merged if none was solved again."""
+    all merged if none was solved again. held: those of which the user says what moves in them; it holds."""
     recalled = stage(
         RECALL,
         [path, *(r for rs in results for r in rs)],
         lambda: recall(seen.recording, path.value, _in_world(local, path.value)),
     ).value
-    items = [(local[r.interaction].window, found_again(r, local[r.interaction])) for r in recalled.again]
+    again = [r for r in recalled.again if r.interaction not in held]
+    items = [(local[r.interaction].window, found_again(r, local[r.interaction])) for r in again]
     if not items:
         return local, results, recalled.merged
     assert seen.contents is not None
     shared = (seen.tracks, seen.cameras, seen.noise, seen.contents)
     solve_ahead(stage, seen.recording, shared, _one_again, items, "recall")
     local, results = list(local), list(results)
-    for r, item in zip(recalled.again, items, strict=True):
+    for r, item in zip(again, items, strict=True):
         local[r.interaction], results[r.interaction] = interact_again(stage, seen, *item)
     return local, results, None
 

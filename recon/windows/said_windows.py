@@ -18,12 +18,12 @@ _ABOUT_S = 3.0
 def said_windows(windows: Sequence[Window], said: Said, times: Array) -> list[tuple[Window, Said]]:
     """Each window with what the user says of it, frames counted from the window's first.
 
-    Without a word on parts these are all windows. With words it is the windows that they are about; a word on
-    frames in which nothing was seen to be handled gets a window of its own.
+    A type without a word on a part holds in all windows. A word on frames in which nothing was seen to be
+    handled gets a window of its own.
     """
     if not said.words:
         return [(w, said) for w in windows]
-    out: dict[Window, list[int]] = {}
+    out: dict[Window, list[int]] = {w: [] for w in windows}
     for k, word in enumerate(said.words):
         first, last = _frames(word)
         found = next((w for w in windows if w.first <= first and last <= w.last), None)
@@ -54,5 +54,5 @@ def _of(said: Said, kept: Sequence[int], first: int) -> Said:
         intervals=tuple((a - first, b - first) for a, b in (said.intervals[k] for k in kept))
         if said.intervals
         else (),
-        types=tuple(said.types[k] for k in kept) if len(said.types) > 1 else said.types,
+        types=tuple(said.types[k] for k in kept) if len(said.types) > 1 else said.types if kept else (),
     )

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from recon.interaction.joints.clustering.clusters import cluster_tracks
 from recon.interaction.joints.config import MIN_TRACKS, JointConfig
 from recon.interaction.joints.group_fits import AS_WELL, GroupFit, fit_group, on_course, support, widened
-from recon.interaction.joints.observations import Kind
 from recon.interaction.joints.result import MotionFit
 from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.motion.intervals import MIN_DISPLACEMENT, state_intervals
@@ -35,11 +34,9 @@ from recon.interaction.parts.found import PartTracks as PartTracks
 from recon.interaction.parts.hand_tracks import HandTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.parts.part_matching import is_another_part, same_part
-from recon.interaction.parts.said_parts import Observed, outside, search_space
 from recon.interaction.parts.static_spans import known_rest_spans, rest_spans, restless
-from recon.interaction.parts.two_witnesses import reconciled_parts, reconciled_word
+from recon.interaction.parts.two_witnesses import reconciled_parts
 from recon.recording import Recording
-from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -47,7 +44,7 @@ from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
 MOTION = Stage("motion", 37, ("motion", "joints"))
-_DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
+_DEFAULT, _JOINTS = MotionConfig(), JointConfig()
 # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 _CALM_ROUNDS = 2
 
@@ -59,22 +56,14 @@ def find_parts(
     config: MotionConfig = _DEFAULT,
     joints: JointConfig = _JOINTS,
     hints: Sequence[TypeHint] = (),
-    said: Said = _UNSAID,
 ) -> FoundParts:
     """Find every part that moves by a joint. hints: expected joint types; see `joints.type_selection`.
-
-    said: the user's word. Where it points at parts or gives intervals, exactly these parts are looked for.
 
     None where nothing moves, or no joint explains what moves: a warning says which.
     """
     movers = find_movers(tracks, cameras, recording.times)
-    to_part = partial(_moving_part, cameras.frames, recording.times[cameras.frames])
     hand_of = HandTracks(recording, cameras, tracks).of
-    if said.words:
-        seen = Observed(recording, tracks, cameras, movers, joints)
-        return _said_parts(seen, hand_of, to_part, hints, said)
-    hints = _hints(said, 0, hints)
-    search = _Search(movers, hand_of, to_part, joints, hints)
+    search = Search(movers, hand_of, moving_part_of(recording, cameras), joints, hints)
     if movers.moving.sum() >= MIN_TRACKS:
         for group in _groups(movers, config, joints):
             if len(search.found) == config.max_parts or not (
@@ -89,55 +78,6 @@ def find_parts(
     return FoundParts(movers, parts)
 
 
-def _said_parts(
-    seen: Observed,
-    hand_of: Callable[[Sequence[tuple[int, int]]], NDArray[np.bool_]],
-    to_part: Callable[[int, MotionFit], MovingPart],
-    hints: Sequence[TypeHint],
-    said: Said,
-) -> FoundParts:
-    """The part of each of the user's words, among unexplained tracks; a warning for each without."""
-    parts: list[PartTracks] = []
-    frames = len(seen.movers.visible)
-    free, hand = seen.movers.moving.copy(), np.zeros_like(seen.movers.moving)
-    if said.intervals:
-        hand = hand_of(outside(said.intervals, frames))
-    for number, word in enumerate(said.words):
-        hints_of = _hints(said, number, hints)
-        found, why = None, None
-        try:
-            where = search_space(word, seen, free & ~hand, hints_of)
-            if not said.intervals and where.fit is not None:  # now it is known when it rests
-                hand = hand | hand_of(rest_spans(where.fit.fit, frames))
-                where = search_space(word, seen, free & ~hand, hints_of)
-            search = _Search(where.movers, lambda _: hand, to_part, seen.joints, hints_of)  # noqa: B023
-            search.free &= where.group
-            if not search.take(where.group, where.fit):
-                raise search.failed[0]
-            (found,) = search.found
-        except ReconstructionError as e:
-            why = e
-        part = reconciled_word(found, word, _kind(said, number), seen.recording, seen.cameras, seen.movers)
-        if part is None:
-            warnings.warn(f"no part was found for {word}: {why}", stacklevel=3)
-            continue
-        parts.append(replace(part, part=replace(part.part, id=FIRST_PART_ID + len(parts))))
-        free &= ~part.members
-    return FoundParts(seen.movers, tuple(parts))
-
-
-def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:
-    """The type that the user says of a part, else what others expect."""
-    kind = _kind(said, number)
-    return hints if kind is None else (TypeHint(kind, 0, 1, "the user", weight=np.inf),)
-
-
-def _kind(said: Said, number: int) -> Kind | None:
-    """The type that the user says of a part."""
-    word = said.type_of(number)
-    return None if word is None else "revolute" if word == "hinge" else "prismatic"
-
-
 def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterator[NDArray[np.bool_]]:
     """Masks (K,) of the tracks to look for the next part among: all, or cluster by cluster."""
     if config.method == "fits":
@@ -150,7 +90,7 @@ def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterat
         yield mask
 
 
-class _Search:
+class Search:
     """The parts found so far, their fits, and which tracks (K,) are still free or lie on the hand.
 
     hand_of: mask of the tracks on the hand, from spans (first, last) of frames in which no part moves.
@@ -256,6 +196,11 @@ class _Search:
             raise ReconstructionError("no moving tracks are left")
         reach = float(np.quantile(self.movers.travel[free], 0.95))
         return free & (self.movers.travel > max(MIN_DISPLACEMENT, FAR_SHARE * reach))
+
+
+def moving_part_of(recording: Recording, cameras: Trajectory) -> Callable[[int, MotionFit], MovingPart]:
+    """What makes the moving part of a number and a fit."""
+    return partial(_moving_part, cameras.frames, recording.times[cameras.frames])
 
 
 def _moving_part(frames: NDArray[np.int64], times: Array, number: int, fit: MotionFit) -> MovingPart:

@@ -17,10 +17,12 @@ def test_without_a_word_all_windows_are_solved() -> None:
     assert said_windows(WINDOWS, said, TIMES) == [(w, said) for w in WINDOWS]
 
 
-def test_a_word_picks_its_window_and_counts_from_its_first_frame() -> None:
-    ((window, word),) = said_windows(WINDOWS, Said(at=((3, 4, 350),), intervals=((340, 380),)), TIMES)
+def test_a_word_goes_to_its_window_and_counts_from_its_first_frame() -> None:
+    told = said_windows(WINDOWS, Said(at=((3, 4, 350),), intervals=((340, 380),), types=("hinge",)), TIMES)
+    assert told[0] == (WINDOWS[0], Said()), "a word is of its window alone"
+    (window, word) = told[1]
     assert window == WINDOWS[1]
-    assert (word.at, word.intervals) == (((3, 4, 50),), ((40, 80),))
+    assert (word.at, word.intervals, word.types) == (((3, 4, 50),), ((40, 80),), ("hinge",))
 
 
 def test_words_on_several_windows_are_told_apart_with_their_types() -> None:
@@ -32,9 +34,9 @@ def test_words_on_several_windows_are_told_apart_with_their_types() -> None:
 
 
 def test_a_word_on_frames_in_which_nothing_was_seen_gets_a_window() -> None:
-    ((window, word),) = said_windows(WINDOWS, Said(intervals=((200, 230),)), TIMES)
-    assert window == Window(170, 260, (200, 230))
-    assert word.intervals == ((30, 60),)
-    ((window, word),) = said_windows(WINDOWS, Said(at=((3, 4, 500),)), TIMES)
+    told = said_windows(WINDOWS, Said(intervals=((200, 230),)), TIMES)
+    assert [w for w, _ in told] == [WINDOWS[0], Window(170, 260, (200, 230)), WINDOWS[1]]
+    assert [word.intervals for _, word in told] == [(), ((30, 60),), ()]
+    (window, word) = said_windows(WINDOWS, Said(at=((3, 4, 500),)), TIMES)[-1]
     assert window.first < 500 < window.last
     assert word.at == ((3, 4, 500 - window.first),)

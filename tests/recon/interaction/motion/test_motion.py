@@ -16,7 +16,7 @@ from recon.interaction.joints.fit_tracks import fit_motion
 from recon.interaction.joints.group_fits import on_course, widened
 from recon.interaction.motion.movers import Movers
 from recon.interaction.parts.config import MAX_RESIDUAL, REST_TOLERANCE, MotionConfig
-from recon.interaction.parts.find_parts import _moving_part, _Search, find_parts
+from recon.interaction.parts.find_parts import Search, _moving_part, find_parts
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.tracking.follow import track_points
@@ -104,7 +104,7 @@ def test_tracks_once_seen_on_the_hand_stay_there() -> None:
     every = np.ones(160, bool)
     on_hand = iter([np.arange(160) == 3, np.arange(160) == 120, np.zeros(160, bool)])
     to_part = partial(_moving_part, np.arange(len(points)), np.arange(len(points)) / 15.0)
-    search = _Search(
+    search = Search(
         Movers(points, seen, every, every),
         lambda _: next(on_hand),
         to_part,

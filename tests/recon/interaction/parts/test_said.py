@@ -17,8 +17,7 @@ import pytest
 from benchmarks.scenes.tracks import minimum_jerk
 from recon.cameras.gravity import find_gravity
 from recon.config import ReconConfig
-from recon.interaction.parts.config import MotionConfig
-from recon.interaction.parts.find_parts import FoundParts, find_parts
+from recon.interaction.parts.find_parts import FoundParts
 from recon.interaction.parts.said_parts import outside
 from recon.pipeline import _provenance, _run
 from recon.readers import open_recording
@@ -27,6 +26,7 @@ from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
 from recon.windows.windows import Window
 from tests.makers.recon import tiny
+from tests.makers.recon.said import parts_with
 from twin import geometry as geo
 from twin.cli import main as cli
 from twin.errors import ConfigError
@@ -87,13 +87,12 @@ def pixel(body: Array, frame: int) -> tuple[int, int, int]:
 
 
 def joint_error(found: FoundParts, truth: Joint) -> float:
-    """Degrees between the axis of the only part and the true one; 90 for another kind of joint."""
-    (part,) = found.parts
-    joint = part.part.joint
+    """Degrees between the axis of the first part and the true one; 90 for another kind of joint."""
+    joint = found.parts[0].part.joint
     return float(np.degrees(geo.line_angle(joint.axis, truth.axis))) if joint.kind == truth.kind else 90.0
 
 
-find = partial(find_parts, config=MotionConfig(max_parts=1))
+find = partial(parts_with, most=1)  # without a word
 
 
 def test_a_point_tells_which_of_two_movers_is_the_part() -> None:
@@ -107,6 +106,20 @@ def test_a_point_tells_which_of_two_movers_is_the_part() -> None:
         assert found.parts[0].members[:24].all()
         assert not found.parts[0].members[24:].any()
     assert joint_error(find(*scene, said=Said(at=(pixel(other, 16),))), BEHIND) < 1.0
+
+
+def test_what_is_found_without_a_word_stays_unless_it_moves_meanwhile() -> None:
+    body, other = door(), curtain()
+    scene = seen(body, other)
+    both = find(*scene, said=Said(at=(pixel(body, 41),))).parts
+    assert [(p.part.id, p.part.joint.kind) for p in both] == [(2, "revolute"), (3, "prismatic")]
+    assert both[1].members[24:].all()
+    (alone,) = find(*scene, said=Said(at=(pixel(other, 16),))).parts  # the word's part is the one found
+    assert alone.part.joint.kind == "prismatic"
+    late = door(10, 28)  # one hand moves one part at a time, and the user says which
+    (alone,) = find(*seen(late, other), said=Said(at=(pixel(late, 20),))).parts
+    assert alone.members[:24].all()
+    assert not alone.members[24:].any()
 
 
 def test_an_interval_leaves_only_what_moves_in_it() -> None:
@@ -288,13 +301,13 @@ def test_the_word_changes_the_keys_of_the_stages_that_it_is_about() -> None:
     without = settings(Said())
     for said, changed in (
         (Said(up="-y"), {"gravity"}),
-        (Said(at=((1, 2, 3),)), {"motion"}),
-        (Said(intervals=((1, 20),)), {"motion"}),
+        (Said(at=((1, 2, 3),)), {"said"}),
+        (Said(intervals=((1, 20),)), {"said"}),
         (Said(types=("slide",)), {"motion"}),
-        (SAID, {"gravity", "motion"}),
+        (SAID, {"gravity", "said"}),
     ):
         now = settings(said)
-        assert {name for name in without if now[name] != without[name]} == changed
+        assert {name for name in now if now[name] != without.get(name)} == changed
 
 
 @pytest.fixture(scope="module")
