@@ -33,7 +33,7 @@ from recon.verdict.completion import COMPLETION, inferred_layers, with_layers
 from recon.verdict.judge import VERDICT, Fault, judge
 from recon.windows.windows import is_long
 from twin.cause import Cause
-from twin.edits import found_folder
+from twin.edits import found_folder, said_before
 from twin.errors import InputError, nearest_name
 from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
@@ -84,12 +84,14 @@ def reconstruct(
     what to try. Stages that were done stay in `out`.
     """
     config = config or ReconConfig()
+    out = None if out is None else Path(out)
     materials = read_materials()  # this and what follows before anything that takes minutes
     if config.motion.method == "clusters":
         require_hdbscan()
-    out = None if out is None else Path(out)
     if not isinstance(recording, Recording):
         recording = open_recording(recording)
+    if out is not None:  # what was said of this recording before holds
+        config = replace(config, said=config.said.after(said_before(out, recording.fingerprint)))
     require_said(config.said, recording)
     if out is not None:
         require_place(out / "twin")
@@ -106,7 +108,7 @@ def reconstruct(
         earlier = None if out is None else earlier_twin(run, found_folder(out))
         twin = _run(run, recording, config, hints, materials, earlier)
         if out is not None:
-            twin = keep_twin(run, twin, out)
+            twin = keep_twin(run, twin, out, config.said.texts)
             keep_key_frames(twin, recording, out)
             say_where(recording, out)
     return twin

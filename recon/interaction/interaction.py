@@ -14,7 +14,7 @@ from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.labels.label_frames import LABELS, label_frames
 from recon.interaction.parts.find_parts import MOTION, FoundParts, PartTracks, find_parts
 from recon.interaction.parts.moving_part import MovingPart
-from recon.interaction.parts.words import SAID, hints_said, with_words
+from recon.interaction.parts.words import SAID, hints_of, with_words
 from recon.interaction.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.recording import Recording
 from recon.recording.contents import content_of
@@ -148,7 +148,7 @@ def interact(
     """
     c = stage.config
     of = _local(stage, seen, window, window.name)
-    expected = hints if said.words else hints_said(said, 0, hints)
+    expected = hints_of(said.type, hints)
 
     def dense() -> Tracks:
         return seen.tracks.value.dense(window.first, window.last)
@@ -162,7 +162,7 @@ def interact(
         item=of.item,
     )
     # Those that the user points at, which need not be found without.
-    if said.words:
+    if said.parts:
         unsaid = found.value
         found = of.stage(
             SAID,

@@ -97,7 +97,7 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
             stage.run.report("interactions", (k + 1) / len(told), f"of {len(told)}")
     first = None
     if contents is not None:
-        held = [k for k, (_, word) in enumerate(told) if word.words]
+        held = [k for k, (_, word) in enumerate(told) if word.parts]
         local, results, first = _again(stage, seen, path, local, results, held)
     solved = local if contents is None else _in_world(local, path.value)
     return _upright(stage, seen, path, solved, [r for rs in results for r in rs], guessed.warnings, first)

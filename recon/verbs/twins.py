@@ -104,7 +104,7 @@ def reconstruct(
     type_hint: str | None,
     at: Sequence[tuple[int, int, int | float]],
     intervals: Sequence[tuple[int | float, ...]],
-    types: Sequence[str],
+    types: Sequence[Literal["hinge", "slide"]],
     up: str | tuple[float, ...] | None,
     config: Path | None,
     set: Sequence[str],
@@ -116,9 +116,11 @@ def reconstruct(
     from recon.readers import open_recording
 
     opened = open_recording(recording, **opening)
-    from recon.recording.said import frames_said
+    from recon.recording.said import words_said
 
-    given.put(data, "said", {**frames_said(opened, at, intervals), "types": types, "up": up})
+    words = words_said(opened, at, intervals, types)
+    kind = types[0] if types and not words else None
+    given.put(data, "said", {"parts": [str(word) for word in words], "type": kind, "up": up})
     from recon.config import ReconConfig  # imports what takes seconds
 
     settings = from_dict(ReconConfig, data, where if config or set else "options")

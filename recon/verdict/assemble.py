@@ -17,7 +17,7 @@ from recon.recording import Recording
 from recon.verdict.judge import Judged
 from twin.completion.frame import kind_by_joint, viewer
 from twin.completion.part_names import part_names
-from twin.edits import found_folder, keep, kept_aside, read
+from twin.edits import found_folder, keep, kept_aside, read, with_said
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.names import legal_name
@@ -150,26 +150,23 @@ def _without(labels: Mapping[int, NDArray[np.uint8]], ids: Sequence[int]) -> Map
     return {frame: table[image] for frame, image in labels.items()}
 
 
-def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
+def keep_twin(run: Run, twin: Twin, out: Path, said: Sequence[str] = ()) -> Twin:
     """Save the twin into the run folder and return what stands there then: with the user's edits, those that
-    still fit; the others are told.
+    still fit; the others are told. said: the user's word on the recording, which is kept with the edits.
 
     A twin that the user changed otherwise since it was reconstructed is not lost: it stays where the result
     is the same as before, and is kept beside the new one where it is not. What was measured or added about
     its parts goes over to the new one.
     """
-    folder = found_folder(out)
-    if folder == out / "twin":
-        return _keep_found(run, twin, folder, out)
     by_hand = kept_aside(out)
-    kept = _keep_found(run, twin, folder, out)
+    kept = _keep_found(run, twin, found_folder(out), out)
     try:
-        edits = read(out, kept)
+        edits = with_said(read(out, kept), said)
     except InputError as e:
         aside = aside_name(out / EDITS)
         (out / EDITS).rename(aside)
         run.warn(f"the edits are kept in {aside} and not made: {e.problem}")
-        edits = []
+        edits = with_said([], said)
     result = keep(out, kept, edits, by_hand)
     for text in result.warnings:
         run.warn(text)
@@ -186,11 +183,11 @@ def _keep_found(run: Run, twin: Twin, folder: Path, out: Path) -> Twin:
         if found in (before, there):
             if there != found:
                 run.warn(f"{folder} was changed since and stays as it is: the result is the same as before")
-            textured = _with_textures(earlier, twin)
-            if not same_textures(textured, earlier):
-                save(textured, folder)
+            same = _with_said(_with_textures(earlier, twin), twin)
+            if not same_textures(same, earlier) or same.provenance != earlier.provenance:
+                save(same, folder)
             update_manifest(out, twin=found)
-            return textured
+            return same
         known = keep_known(twin, earlier)
         if there != before or (earlier.extra and not known.extra):
             run.warn(
@@ -200,6 +197,13 @@ def _keep_found(run: Run, twin: Twin, folder: Path, out: Path) -> Twin:
     save(twin, folder)
     update_manifest(out, twin=found)
     return twin
+
+
+def _with_said(earlier: Twin, twin: Twin) -> Twin:
+    """The earlier twin with the user's word on the recording as it was heard now, which digests skip."""
+    kept = {k: v for k, v in earlier.provenance.items() if k != "said"}
+    heard = {k: v for k, v in twin.provenance.items() if k == "said"}
+    return replace(earlier, provenance=kept | heard)
 
 
 def _with_textures(earlier: Twin, twin: Twin) -> Twin:

@@ -21,14 +21,15 @@ def said_windows(windows: Sequence[Window], said: Said, times: Array) -> list[tu
     A type without a word on a part holds in all windows. A word on frames in which nothing was seen to be
     handled gets a window of its own.
     """
-    if not said.words:
-        return [(w, said) for w in windows]
-    out: dict[Window, list[int]] = {w: [] for w in windows}
-    for k, word in enumerate(said.words):
+    out: dict[Window, list[Word]] = {w: [] for w in windows}
+    for word in said.words:
         first, last = _frames(word)
         found = next((w for w in windows if w.first <= first and last <= w.last), None)
-        out.setdefault(found or _about(word, times), []).append(k)
-    return [(w, _of(said, kept, w.first)) for w, kept in sorted(out.items(), key=lambda item: item[0].first)]
+        out.setdefault(found or _about(word, times), []).append(word)
+    in_order = sorted(out.items(), key=lambda item: item[0].first)
+    return [
+        (w, replace(said, parts=tuple(str(k.counted_from(w.first)) for k in kept))) for w, kept in in_order
+    ]
 
 
 def _frames(word: Word) -> tuple[int, int]:
@@ -44,15 +45,3 @@ def _about(word: Word, times: Array) -> Window:
         first = int(np.searchsorted(times, times[first] - _ABOUT_S))
         last = int(np.searchsorted(times, times[last] + _ABOUT_S, side="right")) - 1
     return padded([(first, last)], times)[0]
-
-
-def _of(said: Said, kept: Sequence[int], first: int) -> Said:
-    """What is said of some parts, its frames counted from `first`."""
-    return replace(
-        said,
-        at=tuple((x, y, f - first) for x, y, f in (said.at[k] for k in kept)) if said.at else (),
-        intervals=tuple((a - first, b - first) for a, b in (said.intervals[k] for k in kept))
-        if said.intervals
-        else (),
-        types=tuple(said.types[k] for k in kept) if len(said.types) > 1 else said.types if kept else (),
-    )

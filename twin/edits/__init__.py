@@ -10,7 +10,9 @@ from twin.edits.journal import keep as keep
 from twin.edits.journal import kept_aside as kept_aside
 from twin.edits.journal import made as made
 from twin.edits.journal import read as read
+from twin.edits.journal import said_before as said_before
 from twin.edits.journal import settled as settled
 from twin.edits.journal import undo as undo
+from twin.edits.journal import with_said as with_said
 from twin.edits.kinds import KINDS as KINDS
 from twin.edits.unfit import Unfit as Unfit

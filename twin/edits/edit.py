@@ -8,6 +8,7 @@ from typing import Any
 
 from twin.errors import InputError
 
+SAID = "said"  # the user's word on the recording, which a reconstruction hears; no change of a twin
 _KEYS = ("what", "part", "from", "to", "unit", "why", "interval", "measured")
 
 
@@ -15,9 +16,9 @@ _KEYS = ("what", "part", "from", "to", "unit", "why", "interval", "measured")
 class Edit:
     """One change. JSON types; lengths in m, angles in rad, masses in kg: `unit` says which.
 
-    what: a name of `twin.edits.KINDS`. part: the name that the part had then, empty for the twin as a whole.
-    to, was: the value now and before. why: the user's reason. interval, measured: of a weighed or known
-    number, as `twin physics set` takes them.
+    what: a name of `twin.edits.KINDS`, or `SAID`. part: the name that the part had then, empty for the twin
+    as a whole. to, was: the value now and before. why: the user's reason. interval, measured: of a weighed
+    or known number, as `twin physics set` takes them.
     """
 
     what: str
@@ -50,7 +51,9 @@ def edit_from(row: Any, known: Mapping[str, Any], where: str) -> Edit:
     """
     if not isinstance(row, Mapping) or not isinstance(row.get("what"), str):
         raise InputError(f"{where} is no edit: {row!r:.60}", 'write {"what": ..., "part": ..., "to": ...}')
-    if row["what"] not in known:
+    if row["what"] == SAID and not isinstance(row.get("to"), str):
+        raise InputError(f"{where}: {SAID} is a text, not {row.get('to')!r:.40}", "write it in quotes")
+    if row["what"] not in (*known, SAID):
         raise InputError(f"{where}: {row['what']!r} can't be edited", f"what can: {', '.join(known)}")
     strange = [k for k in row if k not in _KEYS]
     if strange:

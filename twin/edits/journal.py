@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from twin.edits.edit import Edit, edit_from
+from twin.edits.edit import SAID, Edit, edit_from
 from twin.edits.kinds import KINDS, applied
 from twin.errors import FuntwinError, InputError
 from twin.files.atomic import staging
@@ -43,7 +43,12 @@ class Made:
 def made(found: Twin, edits: Sequence[Edit]) -> Made:
     """A twin as it was found, with edits made in order. Provenance `edits` holds those that fit."""
     twin, unfit, fit = found, [], []
+    heard = found.provenance.get("said", [])
     for edit in edits:
+        if edit.what == SAID:
+            if edit.to not in heard:
+                unfit.append((edit, "`twin reconstruct` has not heard it yet"))
+            continue
         try:
             twin = applied(twin, edit)
         except FuntwinError as e:
@@ -59,15 +64,9 @@ def read(run: Path, twin: Twin) -> list[Edit]:
 
     Raises InputError for a file that is no list of edits, and for one of another twin, by its name.
     """
-    path = run / EDITS
-    if not path.is_file():
+    path, told = run / EDITS, _document(run / EDITS)
+    if told is None:
         return []
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as e:
-        raise InputError(f"{path} can't be read: {e}", "mend it, or move it away") from e
-    if not isinstance(told, dict) or told.get("format") != _FORMAT or not isinstance(told.get("edits"), list):
-        raise InputError(f"{path} is no list of edits", f'it begins with "format": "{_FORMAT}"')
     if told.get("recording", "") != _recording(twin) or (
         not _recording(twin) and told.get("twin") != twin.name
     ):
@@ -76,6 +75,39 @@ def read(run: Path, twin: Twin) -> list[Edit]:
             f"{path} is of another twin, {other!r}: this one is {twin.name!r}", "move it away, or to that run"
         )
     return [edit_from(row, KINDS, f"{path}, edit {k}") for k, row in enumerate(told["edits"], 1)]
+
+
+def said_before(run: Path, recording: str) -> list[str]:
+    """What the user said of a recording, by its fingerprint, as the command line takes it: of the run's file
+    of edits. Nothing where there is none, or one of another recording.
+
+    Raises InputError for a file that is no list of edits.
+    """
+    path, told = run / EDITS, _document(run / EDITS)
+    if told is None or told.get("recording", "") != recording:
+        return []
+    rows = [edit_from(row, KINDS, f"{path}, edit {k}") for k, row in enumerate(told["edits"], 1)]
+    return [e.to for e in rows if e.what == SAID]
+
+
+def with_said(edits: Sequence[Edit], said: Sequence[str]) -> list[Edit]:
+    """The edits with these texts as the user's word on the recording, those that are new at the end."""
+    before = [e.to for e in edits if e.what == SAID]
+    kept = [e for e in edits if e.what != SAID or e.to in said]
+    return [*kept, *(Edit(SAID, "", text) for text in said if text not in before)]
+
+
+def _document(path: Path) -> dict[str, Any] | None:
+    """The file of edits; None where there is none."""
+    if not path.is_file():
+        return None
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as e:
+        raise InputError(f"{path} can't be read: {e}", "mend it, or move it away") from e
+    if not isinstance(told, dict) or told.get("format") != _FORMAT or not isinstance(told.get("edits"), list):
+        raise InputError(f"{path} is no list of edits", f'it begins with "format": "{_FORMAT}"')
+    return told
 
 
 def write(run: Path, twin: Twin, edits: Sequence[Edit]) -> None:
@@ -112,7 +144,12 @@ def undo(run: Path, count: int = 1) -> tuple[list[Edit], Made]:
     if not 1 <= count <= len(edits):
         has = f"{len(edits)} edit{'s' * (len(edits) != 1)}" if edits else "no edits"
         raise InputError(f"{run} has {has}: {count} can't be taken back", "give fewer")
-    return edits[: -count - 1 : -1], keep(run, found, edits[:-count], kept_aside(run))
+    undone = edits[: -count - 1 : -1]
+    result = keep(run, found, edits[:-count], kept_aside(run))
+    again = [
+        f"it was made with {e.to}: `twin reconstruct` makes it without" for e in undone if e.what == SAID
+    ]
+    return undone, replace(result, notes=(*result.notes, *again))
 
 
 def keep(run: Path, found: Twin, edits: Sequence[Edit], by_hand: Path | None = None) -> Made:
@@ -125,13 +162,20 @@ def keep(run: Path, found: Twin, edits: Sequence[Edit], by_hand: Path | None = N
         note = f"the twin was changed beside its edits: it is kept in {by_hand}"
         result = replace(result, notes=(note,))
     aside = run / FOUND
-    if edits and not (aside / "twin.json").is_file():
+    changed = _changes(edits)
+    if changed and not (aside / "twin.json").is_file():
         _linked(run / "twin", aside)
-    save(result.twin, run / "twin")
+    if changed or aside.is_dir():
+        save(result.twin, run / "twin")
     write(run, found, edits)
-    if not edits:
+    if not changed:
         shutil.rmtree(aside, ignore_errors=True)
     return result
+
+
+def _changes(edits: Sequence[Edit]) -> bool:
+    """Whether edits change a twin: what is said of a recording does not."""
+    return any(e.what != SAID for e in edits)
 
 
 def settled(run: Path) -> Made | None:
@@ -144,7 +188,7 @@ def settled(run: Path) -> Made | None:
     edits = read(run, found)
     result = made(found, edits)
     if result.twin.provenance.get("edits") == load(run).provenance.get("edits") and not (
-        not edits and (run / FOUND).is_dir()
+        not _changes(edits) and (run / FOUND).is_dir()
     ):
         return None
     return keep(run, found, edits, kept_aside(run))

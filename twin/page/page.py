@@ -146,12 +146,7 @@ def _edits(twin: Twin) -> list[str]:
 
 def _said(twin: Twin) -> str:
     """The user's word on the recording, as the command line takes it."""
-    told = [
-        f"--{name} {word}"
-        for name, words in twin.provenance.get("said", {}).items()
-        for word in ([words] if isinstance(words, str) else words)
-    ]
-    return " ".join(told)
+    return " ".join(twin.provenance.get("said", []))
 
 
 def _cards(

@@ -25,7 +25,7 @@ from recon.interaction.parts.said_parts import Observed, outside, search_space
 from recon.interaction.parts.static_spans import rest_spans
 from recon.interaction.parts.two_witnesses import reconciled_word
 from recon.recording import Recording
-from recon.recording.said import Said
+from recon.recording.said import JointWord, Said
 from recon.tracking.tracks import Tracks
 from twin.errors import ReconstructionError
 from twin.runs.keys import Stage
@@ -57,14 +57,13 @@ def with_words(
     )
 
 
-def hints_said(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:
-    """The type that the user says of the `number`-th part, else what others expect."""
-    kind = _kind(said, number)
+def hints_of(word: JointWord | None, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:
+    """The type that the user says, else what others expect."""
+    kind = _kind(word)
     return hints if kind is None else (TypeHint(kind, 0, 1, "the user", weight=np.inf),)
 
 
-def _kind(said: Said, number: int) -> Kind | None:
-    word = said.type_of(number)
+def _kind(word: JointWord | None) -> Kind | None:
     return None if word is None else "revolute" if word == "hinge" else "prismatic"
 
 
@@ -81,18 +80,20 @@ def _said_parts(seen: Observed, hints: Sequence[TypeHint], said: Said) -> list[P
     hand_of = HandTracks(seen.recording, seen.cameras, seen.tracks).of
     to_part = moving_part_of(seen.recording, seen.cameras)
     free, hand = movers.moving.copy(), np.zeros_like(movers.moving)
-    if said.intervals:
-        hand = hand_of(outside(said.intervals, frames))
+    intervals = [word.interval for word in said.words if word.interval is not None]
+    if intervals:
+        hand = hand_of(outside(intervals, frames))
 
     def lies_on_hand(_: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
         return hand
 
-    for number, word in enumerate(said.words):
-        expected = hints_said(said, number, hints)
+    for word in said.words:
+        word = replace(word, type=word.type or said.type)
+        expected = hints_of(word.type, hints)
         found, why = None, None
         try:
             where = search_space(word, seen, free & ~hand, expected)
-            if not said.intervals and where.fit is not None:  # now it is known when it rests
+            if not intervals and where.fit is not None:  # now it is known when it rests
                 hand = hand | hand_of(rest_spans(where.fit.fit, frames))
                 where = search_space(word, seen, free & ~hand, expected)
             search = Search(where.movers, lies_on_hand, to_part, seen.joints, expected)
@@ -102,7 +103,7 @@ def _said_parts(seen: Observed, hints: Sequence[TypeHint], said: Said) -> list[P
             (found,) = search.found
         except ReconstructionError as e:
             why = e
-        part = reconciled_word(found, word, _kind(said, number), seen.recording, seen.cameras, movers)
+        part = reconciled_word(found, word, _kind(word.type), seen.recording, seen.cameras, movers)
         if part is None:
             warnings.warn(f"no part was found for {word}: {why}", stacklevel=3)
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from recon.interaction.joints.config import JointConfig
 from recon.interaction.parts.config import MotionConfig
 from recon.interaction.parts.find_parts import FoundParts, find_parts
-from recon.interaction.parts.words import hints_said, with_words
+from recon.interaction.parts.words import hints_of, with_words
 from recon.recording import Recording
 from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
@@ -17,8 +17,8 @@ def parts_with(
 ) -> FoundParts:
     """most: parts that are found without a word."""
     said = said or Said()
-    hints = () if said.words else hints_said(said, 0, ())
+    hints = hints_of(said.type, ())
     found = find_parts(recording, tracks, cameras, MotionConfig(max_parts=most), hints=hints)
-    if not said.words:
+    if not said.parts:
         return found
     return with_words(recording, tracks, cameras, found, JointConfig(), (), said)

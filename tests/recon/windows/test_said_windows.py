@@ -18,25 +18,23 @@ def test_without_a_word_all_windows_are_solved() -> None:
 
 
 def test_a_word_goes_to_its_window_and_counts_from_its_first_frame() -> None:
-    told = said_windows(WINDOWS, Said(at=((3, 4, 350),), intervals=((340, 380),), types=("hinge",)), TIMES)
+    told = said_windows(WINDOWS, Said(("--at 3,4@350 --interval 340:380 --type hinge",)), TIMES)
     assert told[0] == (WINDOWS[0], Said()), "a word is of its window alone"
-    (window, word) = told[1]
-    assert window == WINDOWS[1]
-    assert (word.at, word.intervals, word.types) == (((3, 4, 50),), ((40, 80),), ("hinge",))
+    assert told[1] == (WINDOWS[1], Said(("--at 3,4@50 --interval 40:80 --type hinge",)))
 
 
 def test_words_on_several_windows_are_told_apart_with_their_types() -> None:
-    said = Said(intervals=((340, 380), (85, 110)), types=("hinge", "slide"))
+    said = Said(("--interval 340:380 --type hinge", "--interval 85:110 --type slide"), up="-y")
     (first, of_first), (second, of_second) = said_windows(WINDOWS, said, TIMES)
     assert (first, second) == WINDOWS
-    assert (of_first.intervals, of_first.types) == (((35, 60),), ("slide",))
-    assert (of_second.intervals, of_second.types) == (((40, 80),), ("hinge",))
+    assert of_first == Said(("--interval 35:60 --type slide",), up="-y")
+    assert of_second == Said(("--interval 40:80 --type hinge",), up="-y")
 
 
 def test_a_word_on_frames_in_which_nothing_was_seen_gets_a_window() -> None:
-    told = said_windows(WINDOWS, Said(intervals=((200, 230),)), TIMES)
+    told = said_windows(WINDOWS, Said(("--interval 200:230",)), TIMES)
     assert [w for w, _ in told] == [WINDOWS[0], Window(170, 260, (200, 230)), WINDOWS[1]]
-    assert [word.intervals for _, word in told] == [(), ((30, 60),), ()]
-    (window, word) = said_windows(WINDOWS, Said(at=((3, 4, 500),)), TIMES)[-1]
+    assert [word.parts for _, word in told] == [(), ("--interval 30:60",), ()]
+    (window, word) = said_windows(WINDOWS, Said(("--at 3,4@500",)), TIMES)[-1]
     assert window.first < 500 < window.last
-    assert word.at == ((3, 4, 500 - window.first),)
+    assert word.parts == (f"--at 3,4@{500 - window.first}",)

@@ -197,6 +197,35 @@ def test_another_reconstruction_keeps_what_fits_and_tells_what_does_not(run: Pat
     assert load(run).part("door").joint.upper == 1.43
 
 
+def test_what_is_said_of_the_recording_is_kept_and_heard_again(run: Path, cabinet: Twin) -> None:
+    """It changes no twin that has heard it: RUN/twin stays as it was found, and nothing is copied."""
+    assert cabinet.recorded is not None
+    of = cabinet.recorded.fingerprint
+    assert edits.said_before(run, of) == []
+    point, up = "--at 31,40@5 --type hinge", "--up -y"
+    heard = replace(cabinet, provenance={**cabinet.provenance, "said": [point, up]})
+    with Run(run, of) as stages:
+        assert digest(keep_twin(stages, heard, run, [point, up])) == digest(load(run)) == digest(heard)
+    assert edits.said_before(run, of) == [point, up]
+    assert edits.said_before(run, "f" * 16) == []
+    assert not (run / "twin_found").exists()
+    edits.add(run, [edit_of(cabinet, "door", "upper=95deg")])
+    twice = replace(heard, provenance={**heard.provenance, "said": [point, "--up +z"]})
+    with Run(run, of) as stages:
+        kept = keep_twin(stages, twice, run, [point, "--up +z"])
+    assert kept.part("door").joint.upper == pytest.approx(np.deg2rad(95))
+    rows = [e.to for e in edits.read(run, kept) if e.what == "said"]
+    assert rows == [point, "--up +z"], "another direction takes the place of the first one"
+    assert "has not heard" not in " ".join(edits.made(twice, edits.read(run, twice)).warnings)
+    undone, result = edits.undo(run)
+    assert [e.to for e in undone] == ["--up +z"]
+    assert result.warnings == ["it was made with --up +z: `twin reconstruct` makes it without"]
+    assert edits.said_before(run, of) == [point]
+    assert (
+        edits.made(cabinet, edits.read(run, cabinet)).unfit[0][1] == "`twin reconstruct` has not heard it yet"
+    )
+
+
 def test_another_recording_in_the_run_sets_the_edits_aside(run: Path, cabinet: Twin) -> None:
     edits.add(run, [edit_of(cabinet, "door", "upper=95deg")])
     assert cabinet.recorded is not None

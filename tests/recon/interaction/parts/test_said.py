@@ -22,7 +22,7 @@ from recon.interaction.parts.said_parts import outside
 from recon.pipeline import _provenance, _run
 from recon.readers import open_recording
 from recon.recording import Intrinsics, Recording
-from recon.recording.said import Said
+from recon.recording.said import Said, Word
 from recon.tracking.tracks import Tracks
 from recon.windows.windows import Window
 from tests.makers.recon import tiny
@@ -92,6 +92,10 @@ def joint_error(found: FoundParts, truth: Joint) -> float:
     return float(np.degrees(geo.line_angle(joint.axis, truth.axis))) if joint.kind == truth.kind else 90.0
 
 
+def at(*points: tuple[int, int, int]) -> Said:
+    return Said(parts=tuple(str(Word(point)) for point in points))
+
+
 find = partial(parts_with, most=1)  # without a word
 
 
@@ -101,23 +105,23 @@ def test_a_point_tells_which_of_two_movers_is_the_part() -> None:
     first = find(*scene).parts[0]
     assert not first.members[:24].any(), "without a word what is behind wins"
     for frame in (10, 41, 56):  # before, while and after it moves
-        found = find(*scene, said=Said(at=(pixel(body, frame),)))
+        found = find(*scene, said=at(pixel(body, frame)))
         assert joint_error(found, DOOR) < 1.0
         assert found.parts[0].members[:24].all()
         assert not found.parts[0].members[24:].any()
-    assert joint_error(find(*scene, said=Said(at=(pixel(other, 16),))), BEHIND) < 1.0
+    assert joint_error(find(*scene, said=at(pixel(other, 16))), BEHIND) < 1.0
 
 
 def test_what_is_found_without_a_word_stays_unless_it_moves_meanwhile() -> None:
     body, other = door(), curtain()
     scene = seen(body, other)
-    both = find(*scene, said=Said(at=(pixel(body, 41),))).parts
+    both = find(*scene, said=at(pixel(body, 41))).parts
     assert [(p.part.id, p.part.joint.kind) for p in both] == [(2, "revolute"), (3, "prismatic")]
     assert both[1].members[24:].all()
-    (alone,) = find(*scene, said=Said(at=(pixel(other, 16),))).parts  # the word's part is the one found
+    (alone,) = find(*scene, said=at(pixel(other, 16))).parts  # the word's part is the one found
     assert alone.part.joint.kind == "prismatic"
     late = door(10, 28)  # one hand moves one part at a time, and the user says which
-    (alone,) = find(*seen(late, other), said=Said(at=(pixel(late, 20),))).parts
+    (alone,) = find(*seen(late, other), said=at(pixel(late, 20))).parts
     assert alone.members[:24].all()
     assert not alone.members[24:].any()
 
@@ -125,7 +129,7 @@ def test_what_is_found_without_a_word_stays_unless_it_moves_meanwhile() -> None:
 def test_an_interval_leaves_only_what_moves_in_it() -> None:
     scene = seen(door(), curtain())
     for interval, truth in (((30, 52), DOOR), ((6, 26), BEHIND)):
-        found = find(*scene, said=Said(intervals=(interval,)))
+        found = find(*scene, said=Said(parts=(str(Word(interval=interval)),)))
         assert joint_error(found, truth) < 1.0
         (span,) = found.parts[0].part.motion.intervals
         assert interval[0] <= span[0] < span[1] <= interval[1]
@@ -147,7 +151,7 @@ def test_a_hand_that_goes_along_is_no_part_of_what_is_pointed_at() -> None:
     )
     hand = hand + rng.normal(0.0, 0.001, hand.shape)
     scene = seen(body, hand)
-    found = find(*scene, said=Said(at=(pixel(body, 30),)))
+    found = find(*scene, said=at(pixel(body, 30)))
     assert joint_error(found, DOOR) < 1.0
     assert found.parts[0].members[:24].mean() > 0.9
     assert found.parts[0].members[24:].mean() < 0.1
@@ -156,7 +160,8 @@ def test_a_hand_that_goes_along_is_no_part_of_what_is_pointed_at() -> None:
 def test_parts_come_in_the_order_in_which_they_are_said() -> None:
     body, other = door(), curtain()
     points = (pixel(body, 41), pixel(other, 16))
-    said = Said(at=points, intervals=((30, 52), (6, 26)), types=("hinge", "slide"))
+    words = Word(points[0], (30, 52), "hinge"), Word(points[1], (6, 26), "slide")
+    said = Said(parts=tuple(map(str, words)))
     found = find(*seen(body, other), said=said)
     assert [(p.part.id, p.part.joint.kind) for p in found.parts] == [(2, "revolute"), (3, "prismatic")]
     assert {p.type_source for p in found.parts} == {"said by the user"}
@@ -165,7 +170,7 @@ def test_parts_come_in_the_order_in_which_they_are_said() -> None:
 def test_a_point_where_nothing_moves_gives_a_warning_and_no_part() -> None:
     scene = seen(door(), curtain())
     with pytest.warns(UserWarning, match="no part was found for --at 90,70@40: 0 of 0 tracks within 30 cm"):
-        assert find(*scene, said=Said(at=((90, 70, 40),))).parts == ()
+        assert find(*scene, said=at((90, 70, 40))).parts == ()
     lost = replace(
         scene[2],
         frames=np.arange(FRAMES - 5),
@@ -173,7 +178,7 @@ def test_a_point_where_nothing_moves_gives_a_warning_and_no_part() -> None:
         T_world_cam=scene[2].T_world_cam[:-5],
     )
     with pytest.warns(UserWarning, match="the camera of frame 58 is not known"):
-        assert find(*scene[:2], lost, said=Said(at=((47, 35, 58),))).parts == ()
+        assert find(*scene[:2], lost, said=at((47, 35, 58))).parts == ()
 
 
 def test_a_type_that_is_said_overrules_motion() -> None:
@@ -184,7 +189,7 @@ def test_a_type_that_is_said_overrules_motion() -> None:
     (without,) = find(*seen(body)).parts
     assert (without.part.joint.kind, without.type_source[:6]) == ("prismatic", "motion")
     for body_, word, kind in ((body, "hinge", "revolute"), (door(), "slide", "prismatic")):
-        (part,) = find(*seen(body_), said=from_dict(Said, {"types": [word]})).parts
+        (part,) = find(*seen(body_), said=from_dict(Said, {"type": word})).parts
         assert (part.part.joint.kind, part.type_source) == (kind, "said by the user")
 
 
@@ -240,11 +245,15 @@ def test_up_is_taken_as_it_is_said() -> None:
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ({"intervals": ((9, 9),)}, "intervals = .* must have first < last"),
-        ({"at": ((1, 2, 3),) * 2, "intervals": ((1, 9),)}, "must be one for each of 2 points, or none"),
-        ({"types": ("hinge", "slide")}, "must be one for all parts, or one for each part that is said"),
-        ({"types": ("ball",)}, "must be one of 'hinge', 'slide'"),
-        ({"at": ((1, -2, 3),)}, "must be at least 0"),
+        (
+            {"parts": ("--interval 9:9",)},
+            "parts = .* must have intervals whose first frame is before the last",
+        ),
+        ({"parts": ("--at 1,2@3", "--type hinge")}, "must be texts such as '--at 320,240@45'"),
+        ({"parts": ("--at 1,-2@3",)}, "must be texts such as"),
+        ({"parts": ("--at 1,2@3 --type ball",)}, "must be texts such as"),
+        ({"parts": ("--at 1,2@3\n",)}, "must be texts such as"),
+        ({"type": "ball"}, "must be one of 'hinge', 'slide'"),
         ({"up": (0.0, 0.0, 0.0)}, "up = .* must be a direction, not zero"),
         ({"up": (0.0, float("nan"), 0.0)}, "must be finite"),
     ],
@@ -260,14 +269,21 @@ def test_spans_outside_of_intervals() -> None:
     assert outside([], 90) == [(0, 89)]
 
 
-SAID = Said(((31, 40, 5),), ((3, 28),), ("hinge",), (0.0, -1.0, 0.25))
+SAID = Said(("--at 31,40@5 --interval 3:28 --type hinge",), None, (0.0, -1.0, 0.25))
 
 
 def test_the_word_is_kept_in_the_settings_and_told() -> None:
     config = ReconConfig(said=SAID)
     assert from_dict(ReconConfig, tomllib.loads(to_toml(config))) == config
-    told = {"at": ["31,40@5"], "interval": ["3:28"], "type": ["hinge"], "up": "0,-1,0.25"}
+    told = ["--at 31,40@5 --interval 3:28 --type hinge", "--up 0,-1,0.25"]
     assert _provenance(config, (), ())["said"] == told
+    assert Said().after(told) == SAID
+    other = Said(("--interval 1:9",), "slide", "-y")
+    assert other.after(told) == Said((*SAID.parts, *other.parts), "slide", "-y"), (
+        "it overrules what was said before"
+    )
+    assert SAID.after(other.texts) == Said((*other.parts, *SAID.parts), "slide", SAID.up)
+    assert SAID.after(SAID.texts) == SAID
     assert "said" not in _provenance(ReconConfig(), (), ())
 
 
@@ -301,9 +317,9 @@ def test_the_word_changes_the_keys_of_the_stages_that_it_is_about() -> None:
     without = settings(Said())
     for said, changed in (
         (Said(up="-y"), {"gravity"}),
-        (Said(at=((1, 2, 3),)), {"said"}),
-        (Said(intervals=((1, 20),)), {"said"}),
-        (Said(types=("slide",)), {"motion"}),
+        (at((1, 2, 3)), {"said"}),
+        (Said(parts=("--interval 1:20",)), {"said"}),
+        (Said(type="slide"), {"motion"}),
         (SAID, {"gravity", "said"}),
     ):
         now = settings(said)
@@ -336,11 +352,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("--interval 2:3.5s", "'2:3.5s' is no interval"),
         ("--at 3,4@99.5s", "99.5s: the recording ends after "),
         ("--interval 3:30", "--interval 3:30: the recording has frames 0..29"),
-        ("--at 40,30@3 --at 41,30@3 --interval 3:9", "must be one for each of 2 points"),
+        (
+            "--at 40,30@3 --at 41,30@3 --interval 3:9",
+            "1 --interval for 2 --at: they pair in order; give one for each --at, or none",
+        ),
+        ("--at 40,30@3 --type hinge --type slide", "2 --type for 1 parts that are said"),
         ("--type ball", "invalid choice: 'ball'"),
         ("--up q", "'q' is no direction"),
         ("--up 0,0,0", "'0,0,0' is no direction"),
-        ("--up -y --set said.types=3", "said.types = 3 must be a list"),
+        ("--up -y --set said.parts=3", "said.parts = 3 must be a list"),
     ],
 )
 def test_the_command_line_tells_what_is_wrong_in_one_line(

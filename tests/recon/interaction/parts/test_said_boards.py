@@ -10,7 +10,7 @@ import pytest
 
 from recon.interaction.boards.search import part_at
 from recon.interaction.parts.find_parts import FoundParts
-from recon.recording.said import Said
+from recon.recording.said import Said, Word
 from recon.tracking.tracks import Tracks
 from tests.makers.recon.cabinets import Clip, Kind, make_clip
 from tests.makers.recon.said import parts_with
@@ -32,6 +32,10 @@ def pixel(clip: Clip, frame: int, label: int) -> tuple[int, int, int]:
     return int(x[k]), int(y[k]), frame
 
 
+def at(point: tuple[int, int, int], kind: Literal["hinge", "slide"] | None = None) -> Said:
+    return Said(parts=(str(Word(point, type=kind)),))
+
+
 def found(clip: Clip, said: Said) -> FoundParts:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -42,7 +46,7 @@ def found(clip: Clip, said: Said) -> FoundParts:
 @pytest.mark.parametrize("frame", [0, 24])
 def test_the_board_that_is_pointed_at_is_found_in_any_frame(kind: Kind, frame: int) -> None:
     clip = make_clip(kind)
-    (part,) = found(clip, Said(at=(pixel(clip, frame, 2),))).parts
+    (part,) = found(clip, at(pixel(clip, frame, 2))).parts
     assert part.type_source == "depth"
     assert part.part.joint.kind == clip.part.joint.kind
     assert np.degrees(geo.line_angle(part.part.joint.axis, clip.part.joint.axis)) < 4.0
@@ -55,13 +59,13 @@ def test_what_stands_still_is_no_part_where_it_is_pointed_at() -> None:
     assert clip.labels[0][y, x] == STATIC_LABEL
     assert part_at(clip.recording, clip.cameras, (x, y, 0)) is None
     with pytest.warns(UserWarning, match="no part was found for --at 185,20@0"):
-        (part,) = parts_with(clip.recording, without_tracks(clip), clip.cameras, Said(at=((x, y, 0),))).parts
+        (part,) = parts_with(clip.recording, without_tracks(clip), clip.cameras, at((x, y, 0))).parts
     assert part.part.joint.kind == clip.part.joint.kind, "the drawer, which is found without a word"
 
 
 @pytest.mark.parametrize(("word", "kind"), [("hinge", "revolute"), ("slide", "prismatic")])
 def test_the_type_that_is_said_holds(word: Literal["hinge", "slide"], kind: str) -> None:
     clip = make_clip("door")
-    (part,) = found(clip, Said(at=(pixel(clip, 24, 2),), types=(word,))).parts
+    (part,) = found(clip, at(pixel(clip, 24, 2), word)).parts
     assert part.part.joint.kind == kind
     assert part.type_source == "said by the user"
