@@ -55,8 +55,10 @@ def made(found: Twin, edits: Sequence[Edit]) -> Made:
             unfit.append((edit, e.problem))
         else:
             fit.append(edit.row)
-    provenance = {k: v for k, v in twin.provenance.items() if k != "edits"} | ({"edits": fit} if fit else {})
-    return Made(replace(twin, provenance=provenance), tuple(unfit))
+    if fit or "edits" in found.provenance:
+        provenance = {k: v for k, v in twin.provenance.items() if k != "edits"}
+        twin = replace(twin, provenance=provenance | ({"edits": fit} if fit else {}))
+    return Made(twin, tuple(unfit))
 
 
 def read(run: Path, twin: Twin) -> list[Edit]:
