@@ -24,7 +24,7 @@ from recon.models.joint_hint import JointHint
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.recording.decoded import decoded_once
-from recon.recording.said import require_said
+from recon.recording.said import Said, require_said
 from recon.stages.survey import Surveyed, survey
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.texture.photo_textures import TEXTURE, photo_textures
@@ -98,7 +98,8 @@ def reconstruct(
     seconds = _SECONDS_OF_WALK if is_long(recording) else _SECONDS
     with (
         default_progress(progress) as shown,
-        Run(out, recording.fingerprint, Counted(shown, seconds), config) as run,
+        # What is said is kept with the edits, so that it can be taken back.
+        Run(out, recording.fingerprint, Counted(shown, seconds), replace(config, said=Said())) as run,
         ExitStack() as files,
     ):
         for note in recording.warnings:

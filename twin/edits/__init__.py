@@ -1,5 +1,6 @@
 """What a user changes about a twin: edits that last, are told in every file, and can be taken back."""
 
+from twin.edits.edit import SAID as SAID
 from twin.edits.edit import Edit as Edit
 from twin.edits.journal import Made as Made
 from twin.edits.journal import add as add

@@ -236,6 +236,7 @@ def _part(part: Part, pictures: Mapping[str, Any]) -> dict[str, Any]:
         "high": float(shown(part, part.joint.upper)),
         "unit": unit(part),
         "numbers": numbers(part),
+        "other": "slide" if part.joint.kind == "revolute" else "hinge",
         "suffix": "deg" if part.joint.kind == "revolute" else "mm",
         "sigma": None if part.joint.sigma is None else float(shown(part, part.joint.sigma.state)),
         "color": color,

@@ -25,7 +25,7 @@ from twin.report.views import View, overview, part_view
 from twin.scene import Part, Twin
 
 _SCRIPTS = ("orbit.js", "scene.js", "measure.js", "clock.js", "viewer.js")
-_LIVE = ("edits.js",)
+_LIVE = ("edits.js", "say.js")
 _AS_RECORDED = AssetView("complete", "keep", "camera")
 _LAST = "THREE.GLTFLoader=GLTFLoader;})();"  # of the library in trimesh's page; its own code follows
 _DIGITS = 5  # of metres and quaternions: a hundredth of a millimetre

@@ -41,22 +41,24 @@ def save_film(run: AnyPath, frames: Sequence[int], color: Callable[[int], Image]
     folder = Path(run) / "report" / "film"
     folder.mkdir(parents=True, exist_ok=True)
     before = read_json(folder / "film.json").get("frames", [])
-    size = (0, 0)
+    size, of = (0, 0), (0, 0)
     for frame in frames:
         image = color(frame)
+        of = (image.shape[1], image.shape[0])
         scale = min(1.0, _WIDTH / image.shape[1])
         size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
         small = cv2.resize(image[:, :, ::-1], size, interpolation=cv2.INTER_AREA)
         _, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
         write_file(folder / f"{frame:06d}.jpg", jpeg.tobytes())
-    write_json(folder / "film.json", {"frames": list(frames), "size": size})
+    write_json(folder / "film.json", {"frames": list(frames), "size": size, "of": of})
     for old in set(before) - set(frames):
         (folder / f"{old:06d}.jpg").unlink(missing_ok=True)
 
 
 def film(run: Path, twin: Twin, start: float) -> dict[str, Any]:
     """The film of a run, JSON types: `frames`, each with number, time (s from `start`), picture and, where it
-    has some, labels as data URIs. Without frames where none was kept."""
+    has some, labels as data URIs, and `of`, the width and height of the recording's pictures. Without frames
+    where none was kept."""
     folder = run / "report" / "film"
     index = read_json(folder / "film.json")
     if not index or twin.cameras is None:
@@ -75,7 +77,7 @@ def film(run: Path, twin: Twin, start: float) -> dict[str, Any]:
         if frame in twin.labels:
             row["labels"] = uri(_labels(twin.labels[frame], twin, index["size"]), "image/png")
         rows.append(row)
-    return {"frames": rows}
+    return {"frames": rows, "of": index.get("of", [0, 0])}
 
 
 def _labels(labels: Image, twin: Twin, size: Sequence[int]) -> bytes:

@@ -7,6 +7,7 @@ that had its name point here) or from another page are refused, as are all paths
 from __future__ import annotations
 
 import json
+import re
 import secrets
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -20,9 +21,18 @@ from twin.errors import FuntwinError, InputError
 from twin.page.page import html, render
 from twin.runs.run_lock import claimed
 from twin.storage import load
+from twin.view.pixel import pixel_of
+from twin.view.work import Work
 
 HOST = "127.0.0.1"
 _BODY = 1 << 16  # bytes of a request, far above any edit; chosen by us
+_WORD = re.compile(
+    r"(--at \d+,\d+@\d+|--interval \d+:\d+)( --interval \d+:\d+)?( --type (hinge|slide))?", re.ASCII
+)
+_WAITING = (
+    '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>Funtwin</title>'
+    "<p>The recording is reconstructed again; the page comes when that is done.</p>"
+)
 # Nothing but what the page itself holds, and this server
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; media-src data:; "
@@ -42,7 +52,7 @@ class Server(ThreadingHTTPServer):
         if not (run / "twin" / "twin.json").is_file():
             raise InputError(f"{run} holds no twin/twin.json", "give the run folder")
         self.run, self.token = run, secrets.token_urlsafe(24)
-        self.writing = threading.Lock()
+        self.writing, self.work = threading.Lock(), Work(run)
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as e:
@@ -79,6 +89,7 @@ def serving(run: Path, port: int = 0) -> Iterator[Server]:
         finally:
             server.shutdown()
             thread.join()
+            server.work.end()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -88,6 +99,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         if not self._allowed():
+            return
+        if self._path() == "work":
+            self._json(200, self.server.work.state)
+            return
+        if self.server.work.going_on:
+            self._answer(200, _WAITING.encode(), "text/html; charset=utf-8")
             return
         try:
             with self.server.writing, claimed(self.server.run):
@@ -100,18 +117,22 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         if not self._allowed():
             return
-        act = {"edit": _edit, "undo": _undo}.get(self._path() or "")
+        act = {"edit": _edit, "undo": _undo, "say": _say}.get(self._path() or "")
         body = None if act is None else self._body()
         if act is None or body is None:
             return
         try:
             with self.server.writing, claimed(self.server.run):
                 told = act(self.server.run, body)
-                render(self.server.run)
+                again = told.pop("again", None)
+                if again is None:
+                    render(self.server.run)
+            if again is not None:  # the other process wants the run
+                self.server.work.begin(again)
         except FuntwinError as e:
             self._json(409, {"ok": False, "error": str(e)})
         else:
-            self._json(200, {"ok": True, **told})
+            self._json(200, {"ok": True, **told} | ({} if again is None else {"working": True}))
 
     def _allowed(self) -> bool:
         """Whether the request comes from this server's own page; else it is refused."""
@@ -131,7 +152,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _path(self) -> str | None:
         """What is asked for behind the token, None for what this server has not."""
         rest = self.path.split("/", 2)[-1]
-        return rest if rest in ({"POST": ("edit", "undo"), "GET": ("",)}[self.command]) else None
+        return (
+            rest if rest in ({"POST": ("edit", "undo", "say"), "GET": ("", "work")}[self.command]) else None
+        )
 
     def _body(self) -> Mapping[str, Any] | None:
         """The JSON object of a request; None, and an answer, where there is none."""
@@ -183,5 +206,18 @@ def _edit(run: Path, told: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _undo(run: Path, _: Mapping[str, Any]) -> dict[str, Any]:
+    """A word on the recording is taken back by another reconstruction."""
     undone, made = edits.undo(run)
-    return {"undone": [e.row for e in undone], "warnings": made.warnings}
+    again = {"again": ""} if any(e.what == edits.SAID for e in undone) else {}
+    return {"undone": [e.row for e in undone], "warnings": made.warnings, **again}
+
+
+def _say(run: Path, told: Mapping[str, Any]) -> dict[str, Any]:
+    """A word on a part: at a pixel of a frame, in which frames it moves, its type; or, of a part that was
+    found, its type alone."""
+    word = told.get("word", "")
+    if told.get("part"):
+        word = f"--at {pixel_of(load(run), told['part'])} {word}"
+    if not _WORD.fullmatch(word):
+        raise InputError(f"{word!r:.80} says nothing of a part", "point at it in the picture")
+    return {"again": word}

@@ -25,7 +25,7 @@ class Clock {
   // Where there is a film, the scene stands at the time of the picture beside it
   go(time) {
     this.wanted = Math.min(Math.max(time, 0), this.end);
-    const frame = this._frame();
+    const frame = this.frame();
     this.time = frame ? frame.time : this.wanted;
     this.slider.value = this.wanted;
     this.output.textContent = `${this.time.toFixed(2)} s`;
@@ -49,7 +49,7 @@ class Clock {
   }
 
   // Labels are drawn on the very frames that have them: with labels the film goes from one of these to the next
-  _frame() {
+  frame() {
     const frames = this.drawn && this.drawn.checked && this.labelled.length ? this.labelled : this.film;
     if (!frames.length) return null;
     const frame = frames[last(frames.map((f) => f.time), this.wanted)];

@@ -4,34 +4,54 @@
 (() => {
   const answer = document.getElementById("answer");
   const kept = "funtwin-view";
+  const ASK_MS = 500; // between two questions how far a reconstruction is
+
+  // The page anew, shown as it is now; told: what to say then
+  const reload = (told = "") => {
+    const view = { told, scroll: scrollY };
+    if (funtwin.scene) { // else pictures stand in for it
+      const { camera, orbit, clock } = funtwin;
+      const open = [...document.querySelectorAll(".editor[open]")].map((e) => e.closest(".joint").dataset.part);
+      Object.assign(view, { eye: camera.position.toArray(), target: orbit.target.toArray(), time: clock.wanted, open });
+    }
+    sessionStorage.setItem(kept, JSON.stringify(view));
+    location.reload();
+  };
+
+  const ask = async (address, request) => {
+    try {
+      return await (await fetch(address, request)).json();
+    } catch (error) {
+      return { ok: false, error: `the server does not answer (${error.message}): run twin view again` };
+    }
+  };
+
+  const follow = async () => {
+    document.body.classList.add("working");
+    let told;
+    do {
+      await new Promise((resolve) => { setTimeout(resolve, ASK_MS); });
+      told = await ask("work");
+      answer.textContent = told.error || told.line || "it begins";
+    } while (told.running);
+    document.body.classList.remove("working");
+    if (!told.error) reload(told.warnings.join("; "));
+  };
 
   const send = async (address, body) => {
     answer.textContent = "";
-    let told;
-    try {
-      const response = await fetch(address, {
-        method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
-      });
-      told = await response.json();
-    } catch (error) {
-      told = { ok: false, error: `the server does not answer (${error.message}): run twin view again` };
-    }
-    if (!told.ok) {
-      answer.textContent = told.error;
-      answer.scrollIntoView({ block: "center" });
+    const told = await ask(address, {
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
+    });
+    if (told.ok && !told.working) {
+      reload();
       return;
     }
-    if (!funtwin.scene) { // pictures stand in for it
-      location.reload();
-      return;
-    }
-    const { camera, orbit, clock } = funtwin;
-    const open = [...document.querySelectorAll(".editor[open]")].map((e) => e.closest(".joint").dataset.part);
-    sessionStorage.setItem(kept, JSON.stringify({
-      eye: camera.position.toArray(), target: orbit.target.toArray(), time: clock.wanted, open, scroll: scrollY,
-    }));
-    location.reload();
+    answer.textContent = told.ok ? "it begins" : told.error;
+    answer.scrollIntoView({ block: "center" });
+    if (told.ok) await follow();
   };
+  funtwin.send = send;
 
   // A point of the scene as it stands, in the world with all parts at state 0
   const atRest = (part, point) => {
@@ -72,10 +92,14 @@
   };
 
   document.addEventListener("click", async (e) => {
-    const button = e.target.closest("button[data-what]");
+    const button = e.target.closest("button[data-what], button[data-say]");
     if (!button) return;
     const card = button.closest(".joint");
     const part = funtwin.told.parts.find((p) => p.name === card.dataset.part);
+    if (button.dataset.say) {
+      await send("say", { part: part.name, word: button.dataset.say });
+      return;
+    }
     const value = await valueOf(button, card, part);
     if (value === null) return;
     await send("edit", {
@@ -88,7 +112,9 @@
   funtwin.ready.then((drawn) => {
     const view = JSON.parse(sessionStorage.getItem(kept) || "null");
     sessionStorage.removeItem(kept);
-    if (!view || !drawn) return;
+    if (!view) return;
+    answer.textContent = view.told;
+    if (!drawn || !view.eye) return;
     funtwin.orbit.look(view.eye, view.target);
     funtwin.clock.go(view.time);
     for (const name of view.open) {
