@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,10 +13,10 @@ from benchmarks.scenes.boards import cabinet_twin
 from tests.makers.browser import Tab, browser
 from tests.makers.twin.judged import doubted
 from tests.twin.page.test_page import seen
-from twin import edits
+from twin import edits, report
 from twin.contacts import distance_to
 from twin.storage import load, save
-from twin.view import Server, serving
+from twin.view import Server, serving, work
 
 
 @pytest.fixture
@@ -134,3 +135,48 @@ def test_a_piece_is_split_off_where_it_is_clicked(tab: Tab, run: Path) -> None:
     clicked = edits.read(run, edits.found_twin(run))[-1].to
     assert distance_to(cabinet_twin().part("door").mesh, np.array(clicked)) < 1e-4  # where it is at state 0
     assert tab.complaints == []
+
+
+def test_a_part_is_pointed_at_in_the_film(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A click is a pixel of the recording; what the reconstruction says stands in the page after it."""
+    heard: list[list[str]] = []
+
+    def again(_: Path, words: list[str]) -> list[str]:
+        heard.append(list(words))
+        return [sys.executable, "-c", "print('warning: said: no part was found for what was said')"]
+
+    monkeypatch.setattr(work, "again", again)
+    twin = load(run)
+    size = next(iter(twin.labels.values())).shape
+    report.save_film(run, report.film_frames(twin), lambda _: np.full((*size, 3), 90, np.uint8))
+    with serving(run) as server, browser(tmp_path / "profile") as tab:
+        tab.size(1400, 1000)
+        tab.open(server.address)
+        assert tab.run("funtwin.ready") is True
+        assert tab.run("document.querySelector('#say [name=find]').disabled") is True
+        tab.run("document.querySelector('#film input').click(); funtwin.clock.go(1.0)")
+        frame = tab.run("funtwin.clock.frame().frame")
+        tab.run(
+            "(() => {const p = document.querySelector('#film .frame'); const b = p.getBoundingClientRect();"
+            " p.dispatchEvent(new MouseEvent('click', {clientX: b.x + 0.75 * b.width,"
+            " clientY: b.y + 0.25 * b.height, bubbles: true}));"
+            " document.querySelector('#say [name=first]').click(); funtwin.clock.go(1.6);"
+            " document.querySelector('#say [name=last]').click();"
+            " document.querySelector('#say select').value = ' --type slide';})()"
+        )
+        last = tab.run("funtwin.clock.frame().frame")
+        tab.follow("document.querySelector('#say [name=find]').click()")
+        assert tab.run("funtwin.ready") is True
+        assert tab.until("document.getElementById('answer').textContent") == (
+            "said: no part was found for what was said"
+        )
+        height, width = size
+        x, y = round(0.75 * width), round(0.25 * height)
+        (words,) = heard
+        assert [words[0], *words[2:]] == ["--at", "--interval", f"{frame}:{last}", "--type", "slide"]
+        found = [int(v) for v in words[1].replace("@", ",").split(",")]
+        assert np.abs(np.subtract(found, [x, y, frame])).max() <= 1
+        assert tab.complaints == []
+        tab.run("document.querySelector('.joint[data-part=door] .editor').open = true")
+        tab.follow("document.querySelector('.joint[data-part=door] [data-say]').click()")
+        assert heard[1][2:] == ["--type", "slide"]
