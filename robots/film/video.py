@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from robots.config import SETTLE, ReplayConfig
 from robots.demonstration import Demonstration, Image
+from robots.film.closeup import inset_size, near, with_insets
 from robots.film.side_by_side import alone, pace_text, side_by_side
 from robots.film.viewpoint import choose_view
 from robots.scene.world import World
@@ -68,17 +69,20 @@ def write_video(
 def draw(
     world: World, trajectory: RobotTrajectory, part: Part, frames: Array, size: tuple[int, int]
 ) -> list[NDArray[np.uint8]]:
-    """Images (height, width, 3) uint8 of the scene with the joint axis. Raises MissingDependencyError."""
+    """Images (height, width, 3) uint8 of the scene with the joint axis, and the hand seen close in a corner.
+
+    Raises MissingDependencyError.
+    """
     model = world.model
     _finish_looks(model, size)
-    renderer = _renderer(model, size)
+    renderer, small = _renderer(model, size), _renderer(model, inset_size(size))
     data = mujoco.MjData(model)
     arrow = axis_arrow(part)
     view = choose_view(world, trajectory, frames, size, np.array(arrow))
     camera, width = view.camera(), _AXIS_WIDTH * view.distance
     option = mujoco.MjvOption()
     option.geomgroup[:] = _GROUPS
-    images = []
+    images, insets = [], []
     try:
         for qpos in frames:
             data.qpos[:] = qpos
@@ -87,9 +91,12 @@ def draw(
             renderer.update_scene(data, camera, option)
             _draw_axis(renderer.scene, arrow, width)
             images.append(_with_hidden_axis(renderer.render().copy(), renderer.scene, arrow))
+            small.update_scene(data, near(view, data.site_xpos[world.tool]), option)
+            insets.append(small.render().copy())
     finally:
         renderer.close()
-    return images
+        small.close()
+    return with_insets(images, insets)
 
 
 def _finish_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:

@@ -14,6 +14,7 @@ import robots
 from benchmarks.scenes import furniture
 from robots.config import SETTLE, PlanConfig
 from robots.demonstration import Demonstration, matching_samples
+from robots.film.closeup import with_insets
 from robots.film.side_by_side import captioned, fitted, pace_text, side_by_side, state_text
 from robots.film.video import RATE
 from robots.floor import Floor
@@ -165,6 +166,20 @@ def test_the_right_end_of_a_caption_never_meets_the_left_one() -> None:
         gaps = np.diff(lit)
         if width == 640:
             assert gaps.max() > 50, "a wide picture keeps them apart"
+
+
+def test_the_inset_lies_where_least_moves_and_leaves_the_rest() -> None:
+    images = [np.full((90, 120, 3), 100, np.uint8) for _ in range(30)]
+    for k, image in enumerate(images):
+        image[:30, :40] = image[:30, -40:] = image[-30:, :40] = 8 * k  # all corners but one
+    insets = [np.full((30, 40, 3), k, np.uint8) for k in range(30)]
+    made = with_insets(images, insets)
+    for k, (before, after) in enumerate(zip(images, made, strict=True)):
+        assert (after[-28:-2, -38:-2] == k).all()
+        assert (after[-30:-28, -40:] == 235).all(), "its frame"
+        kept = np.ones((90, 120), bool)
+        kept[-30:, -40:] = False
+        assert np.array_equal(before[kept], after[kept])
 
 
 @pytest.fixture(scope="module")
