@@ -57,7 +57,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for run in runs:
         page = render(run)
-        with tempfile.TemporaryDirectory() as profile, browser(Path(profile)) as tab:
+        with (
+            tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
+            browser(Path(profile)) as tab,
+        ):
             tab.open(page.resolve().as_uri())
             ready = tab.run("funtwin.ready.then(() => performance.now() / 1000)")
             width, height = _SIZE

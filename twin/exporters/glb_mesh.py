@@ -21,12 +21,12 @@ _STEPS = 2**16  # of texture coordinates, within which corners are one: a tenth 
 _U16 = 2**16 - 1
 
 
-def add_mesh(buffer: GlbBuffer, shown: Visual) -> int:
-    """Number of the glTF mesh of a visual."""
+def add_mesh(buffer: GlbBuffer, shown: Visual, light: bool = False) -> int:
+    """Number of the glTF mesh of a visual. light: with one normal a vertex."""
     mesh = shown.mesh
     baked = None if mesh.texture is None else photo_atlas(mesh, np.arange(len(mesh.faces)))
     faces = mesh.faces if baked is None else mesh.faces[baked.order]
-    normals, normal = corner_normals(mesh.vertices, faces)
+    normals, normal = _vertex_normals(mesh.vertices, faces) if light else corner_normals(mesh.vertices, faces)
     vertex = faces.ravel().astype(np.int64)
     columns = [vertex, normal.ravel()]
     if baked is not None:
@@ -58,6 +58,15 @@ def add_mesh(buffer: GlbBuffer, shown: Visual) -> int:
         "material": buffer.add("materials", {"pbrMetallicRoughness": material, "doubleSided": shown.basis == "seen"}),
     }  # fmt: skip
     return buffer.add("meshes", {"name": shown.name, "primitives": [primitive]})
+
+
+def _vertex_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int32]]:
+    """Normals (V, 3), of the faces around each vertex by their area, and the index (F, 3) of each corner."""
+    areas = geo.vector_areas(vertices[faces])
+    corner, owner = faces.ravel(), np.arange(faces.size) // 3
+    total = np.stack([np.bincount(corner, a[owner], len(vertices)) for a in areas.T], axis=1)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(length > 1e-15, total / np.maximum(length, 1e-300), (0.0, 0.0, 1.0)), faces
 
 
 def _linear_colors(mesh: Mesh) -> NDArray[np.uint16]:

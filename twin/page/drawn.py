@@ -19,7 +19,7 @@ from twin.inferred import Completion
 from twin.scene import Mesh, Part, Twin
 
 Pictures = dict[str, Any]
-_DRAWING = 5  # raised when the same twin gives other pictures
+_DRAWING = 6  # raised when the same twin gives other pictures
 Kept = Literal["pictures", "scene"]
 
 

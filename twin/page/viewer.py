@@ -43,7 +43,7 @@ def scene_glb(twin: Twin) -> str:
     from twin.physics import with_physics
 
     ready = with_physics(_AS_RECORDED.of(twin))
-    return base64.b64encode(glb(build_tree(ready), AssetInfo(), shapes=True)).decode()
+    return base64.b64encode(glb(build_tree(ready), AssetInfo(), light=True, shapes=True)).decode()
 
 
 def scene_document(run: Path | None, twin: Twin) -> dict[str, Any]:

@@ -18,6 +18,8 @@ from twin.cli.main import run
 from twin.completion import with_completion
 from twin.completion.asset import AssetView
 from twin.exporters import export
+from twin.exporters.asset import AssetInfo
+from twin.exporters.glb import glb
 from twin.exporters.glb_mesh import linear
 from twin.exporters.tree import Tree, build_tree
 from twin.geometry import Array, make_pose, transform
@@ -109,6 +111,24 @@ def test_every_visual_stands_where_the_tree_has_it_y_up(cabinet: Twin, file: Pat
             assert np.allclose(got.min(axis=0), expected.min(axis=0), atol=1e-5)
             assert np.isclose(shape.area, v.mesh.area, rtol=1e-4)
             assert len(shape.faces) == len(v.mesh.faces)
+
+
+def test_a_light_file_has_one_normal_a_vertex_and_the_same_faces(
+    cabinet: Twin, file: Path, tmp_path: Path
+) -> None:
+    tree = build_tree(cabinet)
+    path = tmp_path / "light.glb"
+    path.write_bytes(glb(tree, AssetInfo(), light=True))
+    light, whole = (dict(trimesh.load_scene(p, process=False).geometry.items()) for p in (path, file))
+    for visual in (v for link in tree.links for v in link.visuals):
+        few, many = light[visual.name], whole[visual.name]
+        assert len(few.faces) == len(many.faces)
+        assert np.allclose(few.triangles, many.triangles, atol=1e-6)
+        assert len(few.vertices) < len(many.vertices), "a box has three normals at each corner"
+        normals = np.asarray(few.vertex_normals)
+        assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+        facing = np.einsum("fj,fkj->fk", few.face_normals, normals[few.faces])
+        assert facing.min() > 0.0, "each corner's normal is on its face's side"
 
 
 def test_the_opening_puts_each_part_where_its_joint_does(cabinet: Twin, file: Path) -> None:
