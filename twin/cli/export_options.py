@@ -6,7 +6,7 @@ from argparse import ArgumentParser
 from pathlib import Path
 
 FORMATS = ("urdf", "mjcf", "usd")
-SHOWN = ("glb",)  # only looked at: nothing simulates it
+SHOWN = ("glb", "rrd")  # only looked at: nothing simulates them
 
 
 def export(parser: ArgumentParser) -> None:

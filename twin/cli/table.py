@@ -87,6 +87,7 @@ WORDS = {
 }
 # Frames for a robot's film and for a question about a part; the caller does not know how recordings are read.
 OPEN_RECORDING = "recon.readers:open_recording"
+TRACKS_SEEN = "recon.verbs.of_tracks:tracks_seen"
 
 
 def named(name: str) -> Any:

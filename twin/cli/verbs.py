@@ -10,7 +10,7 @@ from typing import Any
 from twin.cli import given
 from twin.cli.console import Console, Outcome
 from twin.cli.step import Step, judged, page, page_note, require_run, run_folder
-from twin.cli.table import CHAIN, SETTINGS, named
+from twin.cli.table import CHAIN, SETTINGS, TRACKS_SEEN, named
 from twin.errors import InputError
 from twin.files.assets import asset
 from twin.report.sections import Table
@@ -140,6 +140,8 @@ def export_step(
         overwrite=overwrite,
         view=view,
         collision=collision,
+        run=run_folder(run),
+        tracks=named(TRACKS_SEEN)(run_folder(run)) if "rrd" in formats else None,
     )
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]

@@ -19,6 +19,7 @@ from twin.exporters.tree import Tree, build_tree, require_ranges
 from twin.files.atomic import staging
 from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
+from twin.geometry import Array
 from twin.level import level_evidence
 from twin.names import several
 from twin.runs.progress import shows_bar
@@ -28,9 +29,9 @@ from twin.soundness import overlaps, require_sound
 if TYPE_CHECKING:
     from twin.collision.meetings import Meeting
 
-Format = Literal["urdf", "mjcf", "usd", "glb"]
+Format = Literal["urdf", "mjcf", "usd", "glb", "rrd"]
 ALL_FORMATS: tuple[Format, ...] = get_args(Format)
-# what is simulated; glTF is only looked at
+# what is simulated; glTF and Rerun are only looked at
 FORMATS: tuple[Format, ...] = ALL_FORMATS[:3]
 
 
@@ -66,8 +67,11 @@ def export(
     overwrite: bool = False,
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
+    run: AnyPath | None = None,
+    tracks: Mapping[int, Array] | None = None,
 ) -> Exported:
-    """Write `formats`: folder/urdf/<name>.urdf, mjcf/<name>.xml, scene.xml, usd/<name>.usda; glb/<name>.glb.
+    """Write `formats`: folder/urdf/<name>.urdf, mjcf/<name>.xml, scene.xml, usd/<name>.usda; glb/<name>.glb,
+    rrd/<name>.rrd.
 
     Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was
     exported (files.json). All are written before the first is changed; files of others stay.
@@ -79,6 +83,7 @@ def export(
         overwrite: also replace exported files that were changed since, and others of the same names.
         view: layer, room and frame; `twin.completion.asset.usual_view` by default.
         collision: settings of collision shapes, by name: {"part_pieces": 8}.
+        run: run folder whose film rrd shows. tracks: points (n, 3) m in a frame's camera, by frame, for rrd.
 
     Returns:
         Each format's main file, warnings about what a format can't carry, and overlaps to be mended.
@@ -86,6 +91,7 @@ def export(
     Raises:
         InputError: unknown format, illegal package name, an unwritable folder, a changed file.
         SceneError: a part that can't be simulated.
+        MissingDependencyError: rrd without rerun-sdk.
     """
     folder, formats = Path(folder), several(formats)
     unknown = [f for f in formats if f not in ALL_FORMATS]
@@ -103,7 +109,11 @@ def export(
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
             for fmt, here in staged.items():
-                path, lost = import_module(f"twin.exporters.{fmt}").write(trees[fmt], here, asset)
+                write = import_module(f"twin.exporters.{fmt}").write
+                if fmt == "rrd":
+                    path, lost = write(tree, here, ready, None if run is None else Path(run), tracks or {})
+                else:
+                    path, lost = write(trees[fmt], here, asset)
                 (here / "README.md").write_text(readme(trees[fmt], fmt), encoding="utf-8", newline="\n")
                 view.write(twin, here)
                 files[fmt] = folder / fmt / path.name

@@ -11,7 +11,7 @@ shut: choose no target for the joint drives when you import, or set their stiffn
 
 def readme(tree: Tree, fmt: str) -> str:
     """The text for format urdf, mjcf, usd or glb."""
-    body = {"urdf": _urdf, "mjcf": _mjcf, "usd": _usd, "glb": _glb}[fmt](tree)
+    body = {"urdf": _urdf, "mjcf": _mjcf, "usd": _usd, "glb": _glb, "rrd": _rrd}[fmt](tree)
     rows = ["| joint | type | lower | upper | damping | friction loss |", "|---|---|---|---|---|---|"]
     for link in tree.moving:
         j = link.joint
@@ -34,6 +34,7 @@ def _catches(tree: Tree, fmt: str) -> str:
         "mjcf": "MuJoCo 3.11 and later simulate it: a contact that pulls, between two geoms that touch nothing else (`<pair adhesion>`).",
         "usd": "No schema has a word for it: it stands in the joint's custom data `catch` and in asset.json, and no program simulates it.",
         "glb": "glTF has no word for it: it stands in asset.json.",
+        "rrd": "Rerun has no word for it: it stands in asset.json.",
     }[fmt]
     return "".join(f"\n- {j.name}: {j.caught}. {done}" for j in caught) + ("\n" if caught else "")
 
@@ -46,6 +47,7 @@ def _layers(tree: Tree, fmt: str) -> str:
         "urdf": "visuals `<link>_inferred_<piece>`, each under a comment with its reason",
         "mjcf": f"geoms `<body>_inferred_<piece>` of the classes `{tree.name}_evidence` and `{tree.name}_assumed`, reasons under `custom`",
         "glb": "nodes `<link>_inferred_<piece>` with `extras` (basis, role, reason)",
+        "rrd": "entities `<link>_inferred_<piece>`",
         "usd": "prims `<body>_inferred_<piece>` with the custom data `inferred` (basis, reason) and a semantic label",
     }[fmt]
     stands = f"What a camera saw and what is inferred stand apart. Inferred are {len(pieces)} pieces, {assumed} of them assumed"
@@ -109,6 +111,13 @@ def _glb(tree: Tree) -> str:
 - Animations: `open`, all parts from closed to open and back, and `recorded`, the states of the recording, in seconds
   from its first camera.
 - glTF is y up: the first node turns the twin, whose own axes are z up below it."""
+
+
+def _rrd(tree: Tree) -> str:
+    return f"""`{tree.name}.rrd` is to be looked at with Rerun: `rerun {tree.name}.rrd`, of the package's version or later.
+
+- `world/<root>/<part>` moves over `time`, in seconds from the recording's first camera; its axis stands beside it.
+- `world/camera` has the recording's pictures, the labels and the tracks of each; `states/<part>` is in degrees or mm."""
 
 
 def _usd(tree: Tree) -> str:

@@ -55,19 +55,24 @@ def save_film(run: AnyPath, frames: Sequence[int], color: Callable[[int], Image]
         (folder / f"{old:06d}.jpg").unlink(missing_ok=True)
 
 
+def film_pictures_of(run: Path) -> dict[int, Path]:
+    """The film's pictures, JPEG files, by recording frame."""
+    folder = run / "report" / "film"
+    frames = read_json(folder / "film.json").get("frames", [])
+    return {f: folder / f"{f:06d}.jpg" for f in frames if (folder / f"{f:06d}.jpg").is_file()}
+
+
 def film(run: Path, twin: Twin, start: float) -> dict[str, Any]:
     """The film of a run, JSON types: `frames`, each with number, time (s from `start`), picture and, where it
     has some, labels as data URIs, and `of`, the width and height of the recording's pictures. Without frames
     where none was kept."""
-    folder = run / "report" / "film"
-    index = read_json(folder / "film.json")
+    index, pictures = read_json(run / "report" / "film" / "film.json"), film_pictures_of(run)
     if not index or twin.cameras is None:
         return {"frames": []}
     times = dict(zip(twin.cameras.frames.tolist(), twin.cameras.times.tolist(), strict=True))
     rows = []
-    for frame in index["frames"]:
-        picture = folder / f"{frame:06d}.jpg"
-        if frame not in times or not picture.is_file():
+    for frame, picture in pictures.items():
+        if frame not in times:
             continue
         row = {
             "frame": frame,
