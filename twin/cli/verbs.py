@@ -130,6 +130,7 @@ def export_step(
     asset_twin = view.of(complete)
     progress("collision", 1.0, f"{sum(len(shapes_of(p)) for p in asset_twin.parts)} pieces on moving parts")
     progress("export", 0.0, "")
+    footage = exporters.Footage(folder.parent, named(TRACKS_SEEN)(folder.parent) if "rrd" in formats else {})
     files = exporters.export(
         complete,
         folder,
@@ -140,8 +141,7 @@ def export_step(
         overwrite=overwrite,
         view=view,
         collision=collision,
-        run=run_folder(run),
-        tracks=named(TRACKS_SEEN)(run_folder(run)) if "rrd" in formats else None,
+        footage=footage,
     )
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]

@@ -13,13 +13,13 @@ from twin.completion.asset import AssetView, is_reconstructed, usual_view
 from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.exporters.asset import AssetInfo
+from twin.exporters.footage import Footage as Footage
 from twin.exporters.notes import readme
 from twin.exporters.package import check_package, write_package
 from twin.exporters.tree import Tree, build_tree, require_ranges
 from twin.files.atomic import staging
 from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
-from twin.geometry import Array
 from twin.level import level_evidence
 from twin.names import several
 from twin.runs.progress import shows_bar
@@ -67,8 +67,7 @@ def export(
     overwrite: bool = False,
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
-    run: AnyPath | None = None,
-    tracks: Mapping[int, Array] | None = None,
+    footage: Footage | None = None,
 ) -> Exported:
     """Write `formats`: folder/urdf/<name>.urdf, mjcf/<name>.xml, scene.xml, usd/<name>.usda; glb/<name>.glb,
     rrd/<name>.rrd.
@@ -83,7 +82,7 @@ def export(
         overwrite: also replace exported files that were changed since, and others of the same names.
         view: layer, room and frame; `twin.completion.asset.usual_view` by default.
         collision: settings of collision shapes, by name: {"part_pieces": 8}.
-        run: run folder whose film rrd shows. tracks: points (n, 3) m in a frame's camera, by frame, for rrd.
+        footage: what rrd shows beside the twin.
 
     Returns:
         Each format's main file, warnings about what a format can't carry, and overlaps to be mended.
@@ -93,12 +92,7 @@ def export(
         SceneError: a part that can't be simulated.
         MissingDependencyError: rrd without rerun-sdk.
     """
-    folder, formats = Path(folder), several(formats)
-    unknown = [f for f in formats if f not in ALL_FORMATS]
-    if unknown:
-        raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(ALL_FORMATS)}")
-    if package:
-        check_package(package)
+    folder, formats = Path(folder), _asked(formats, package)
     asset, view = asset or AssetInfo(), view or usual_view(twin)
     ready = _shown(twin, view, cache_dir, collision)
     tree, met = build_tree(ready), _meetings(twin, ready)
@@ -109,11 +103,7 @@ def export(
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
             for fmt, here in staged.items():
-                write = import_module(f"twin.exporters.{fmt}").write
-                if fmt == "rrd":
-                    path, lost = write(tree, here, ready, None if run is None else Path(run), tracks or {})
-                else:
-                    path, lost = write(trees[fmt], here, asset)
+                path, lost = _written(fmt, trees[fmt], here, asset, ready, footage)
                 (here / "README.md").write_text(readme(trees[fmt], fmt), encoding="utf-8", newline="\n")
                 view.write(twin, here)
                 files[fmt] = folder / fmt / path.name
@@ -126,6 +116,28 @@ def export(
             f"{folder} can't be written: {e.strerror or e}", "check space and permissions"
         ) from e
     return Exported(files, tuple(warnings), tuple(m for m in met if m.rests))
+
+
+def _asked(formats: str | Sequence[str], package: str) -> list[str]:
+    """The formats, which are known; a package's name is checked as well."""
+    asked = list(several(formats))
+    unknown = [f for f in asked if f not in ALL_FORMATS]
+    if unknown:
+        raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(ALL_FORMATS)}")
+    if package:
+        check_package(package)
+    return asked
+
+
+def _written(
+    fmt: str, tree: Tree, folder: Path, asset: AssetInfo, twin: Twin, footage: Footage | None
+) -> tuple[Path, list[str]]:
+    """The main file of a format, written, and what it can't carry."""
+    writer = import_module(f"twin.exporters.{fmt}")
+    path, lost = (
+        writer.write(tree, folder, twin, footage) if fmt == "rrd" else writer.write(tree, folder, asset)
+    )
+    return path, lost
 
 
 def _shown(

@@ -15,11 +15,11 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.errors import MissingDependencyError
+from twin.exporters.footage import Footage
 from twin.exporters.links import Link, Tree, Visual
 from twin.exporters.texture import photo_atlas
 from twin.exporters.tree import started
 from twin.files.text import read_json
-from twin.geometry import Array
 from twin.mesh import GREY
 from twin.packages import to_install
 from twin.report.film import film_pictures_of
@@ -32,15 +32,8 @@ _AXIS_COLOR, _TRACK_COLOR = (226, 30, 90), (255, 255, 255)
 _TRACK_PX = -2.0  # radius; negative ones are of the screen
 
 
-def write(
-    tree: Tree, folder: Path, twin: Twin, run: Path | None, tracks: Mapping[int, Array]
-) -> tuple[Path, list[str]]:
-    """Write `<name>.rrd` into `folder`; returns the path and what is not carried.
-
-    Args:
-        tree, twin: the same, in one world.
-        run: its run folder, whose film is shown.
-        tracks: points (n, 3) m in the camera of a frame, by frame.
+def write(tree: Tree, folder: Path, twin: Twin, footage: Footage | None) -> tuple[Path, list[str]]:
+    """Write `<name>.rrd` into `folder`; returns the path and what is not carried. tree, twin: in one world.
 
     Raises MissingDependencyError without rerun-sdk.
     """
@@ -57,7 +50,8 @@ def write(
     for link in tree.links:
         _log_link(recording, tree, link)
     frames_at = _camera(recording, twin)
-    lost = _pictures(recording, twin, run, frames_at)
+    lost = _pictures(recording, twin, None if footage is None else footage.run, frames_at)
+    tracks = {} if footage is None else footage.tracks
     for frame in sorted(set(tracks) & set(frames_at)):
         recording.set_time("time", duration=frames_at[frame])
         recording.set_time("frame", sequence=frame)

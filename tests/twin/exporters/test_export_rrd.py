@@ -16,7 +16,7 @@ from twin import report
 from twin.cli.main import run as cli
 from twin.completion.asset import AssetView
 from twin.errors import MissingDependencyError
-from twin.exporters import Exported, export
+from twin.exporters import Exported, Footage, export
 from twin.geometry import Array, transform
 from twin.scene import Twin
 from twin.storage import save
@@ -37,7 +37,7 @@ def files(cabinet: Twin, tmp_path_factory: pytest.TempPathFactory) -> Exported:
     size = next(iter(cabinet.labels.values())).shape
     report.save_film(run, report.film_frames(cabinet), lambda f: np.full((*size, 3), f % 250, np.uint8))
     report.save_key_frames(run, {}, np.array([[50.0, 0, 32], [0, 50.0, 24], [0, 0, 1]]))
-    return export(cabinet, run / "export", "rrd", view=AS_RECORDED, run=run, tracks=TRACKS)
+    return export(cabinet, run / "export", "rrd", view=AS_RECORDED, footage=Footage(run, TRACKS))
 
 
 @pytest.fixture(scope="module")
