@@ -81,8 +81,8 @@ def _said_parts(seen: Observed, hints: Sequence[TypeHint], said: Said) -> list[P
     to_part = moving_part_of(seen.recording, seen.cameras)
     free, hand = movers.moving.copy(), np.zeros_like(movers.moving)
     intervals = [word.interval for word in said.words if word.interval is not None]
-    if intervals:
-        hand = hand_of(outside(intervals, frames))
+    # What moves outside of all intervals: another part, where a word says none.
+    outsiders = hand_of(outside(intervals, frames)) if intervals else hand
 
     def lies_on_hand(_: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
         return hand
@@ -90,11 +90,12 @@ def _said_parts(seen: Observed, hints: Sequence[TypeHint], said: Said) -> list[P
     for word in said.words:
         word = replace(word, type=word.type or said.type)
         expected = hints_of(word.type, hints)
+        hand = np.zeros_like(hand) if word.interval is None else outsiders
         found, why = None, None
         try:
             where = search_space(word, seen, free & ~hand, expected)
-            if not intervals and where.fit is not None:  # now it is known when it rests
-                hand = hand | hand_of(rest_spans(where.fit.fit, frames))
+            if word.interval is None and where.fit is not None:  # now it is known when it rests
+                hand = hand_of(rest_spans(where.fit.fit, frames))
                 where = search_space(word, seen, free & ~hand, expected)
             search = Search(where.movers, lies_on_hand, to_part, seen.joints, expected)
             search.free &= where.group

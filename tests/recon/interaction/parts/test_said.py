@@ -167,6 +167,25 @@ def test_parts_come_in_the_order_in_which_they_are_said() -> None:
     assert {p.type_source for p in found.parts} == {"said by the user"}
 
 
+def test_an_interval_of_one_part_says_nothing_of_another() -> None:
+    """The curtain, said without one, moves outside of the door's interval, where else a hand does: it is red,
+    and what is red comes before what stands there."""
+    body, other = door(), curtain()
+    recording, tracks, cameras = seen(body, other)
+    depth = np.stack([recording.depth(f) for f in range(FRAMES)])
+    color = np.full((*depth.shape, 3), 128, np.uint8)
+    for frame in range(FRAMES):
+        x, y = np.rint(CAMERA.project(other[frame])).astype(int).T
+        for dy, dx in np.ndindex(5, 5):
+            at = frame, np.clip(y + dy - 2, 4, CAMERA.height - 1), np.clip(x + dx - 2, 0, CAMERA.width - 1)
+            color[at], depth[at] = (200, 30, 30), other[frame, :, 2]
+    painted = Recording.from_arrays(color, depth, CAMERA, fps=15)
+    said = Said(parts=("--interval 30:52", str(Word(pixel(other, 16)))))
+    found = find(painted, tracks, cameras, said=said)
+    assert [p.part.joint.kind for p in found.parts] == ["revolute", "prismatic"]
+    assert found.parts[1].members[24:].all()
+
+
 def test_a_point_where_nothing_moves_gives_a_warning_and_no_part() -> None:
     scene = seen(door(), curtain())
     with pytest.warns(UserWarning, match="no part was found for --at 90,70@40: 0 of 0 tracks within 30 cm"):
