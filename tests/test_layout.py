@@ -62,7 +62,8 @@ def stages_of_the_pipeline() -> list[str]:
         ("pipeline", "_judged_twin"),
     )
     found = [name for module, function in places for name in calls(f"recon.{module}", function)]
-    return [name for name in dict.fromkeys(found) if name != "frames"]  # which only minutes have
+    at_times = ("frames", "said")  # which only minutes have, and only the user's word
+    return [name for name in dict.fromkeys(found) if name not in at_times]
 
 
 def files_named(text: str) -> list[str]:

@@ -111,6 +111,7 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
         overwrite: bool,
         view: Any,
         collision: Any,
+        footage: Any,
     ) -> Files:
         assert (list(formats), package, asset.author) == (["urdf"], "bare_kitchen", "Me")
         return Files(urdf=folder / "x.urdf")
