@@ -122,13 +122,15 @@ class _Handler(BaseHTTPRequestHandler):
         if act is None or body is None:
             return
         try:
-            with self.server.writing, claimed(self.server.run):
-                told = act(self.server.run, body)
-                again = told.pop("again", None)
-                if again is None:
-                    render(self.server.run)
-            if again is not None:  # the other process wants the run
-                self.server.work.begin(again)
+            with self.server.writing:
+                self.server.work.require_idle()
+                with claimed(self.server.run):
+                    told = act(self.server.run, body)
+                    again = told.pop("again", None)
+                    if again is None:
+                        render(self.server.run)
+                if again is not None:  # the other process claims the run
+                    self.server.work.begin(again)
         except FuntwinError as e:
             self._json(409, {"ok": False, "error": str(e)})
         else:

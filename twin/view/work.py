@@ -35,8 +35,7 @@ class Work:
         word: options of `twin reconstruct`. Raises InputError where one is going on, and where the recording
         does not lie where the run has it from.
         """
-        if self.going_on:
-            raise InputError("a reconstruction is going on", "wait for its end")
+        self.require_idle()
         command = again(self.run, word.split())
         self._lines = []
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
@@ -46,6 +45,11 @@ class Work:
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, args=(self._process,), daemon=True)
         self._reader.start()
+
+    def require_idle(self) -> None:
+        """Raises InputError while a reconstruction is going on, which has the run to itself."""
+        if self.going_on:
+            raise InputError("a reconstruction is going on", "wait for its end")
 
     def _read(self, process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None

@@ -305,6 +305,8 @@ def test_a_word_is_heard_by_one_reconstruction_at_a_time(server: Server, slow: P
     assert state(server)["line"] == "motion 1 s, 9 of 20"
     status, told = post(server, "say", SAY)
     assert (status, told["error"]) == (409, "a reconstruction is going on; wait for its end")
+    status, told = post(server, "edit", UPPER)  # it has the run to itself, also before it claims it
+    assert (status, told["error"]) == (409, "a reconstruction is going on; wait for its end")
     assert b"reconstructed again" in ask(server, "GET", f"/{server.token}/")[1]
     slow.write_text("2")
     told = until_done(server)
