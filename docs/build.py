@@ -46,6 +46,7 @@ GUIDE = (
     "twin_format",
     "verdicts",
     "editing",
+    "annotating",
     "robots",
     "physics",
     "importing",

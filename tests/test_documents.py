@@ -73,6 +73,8 @@ ONLY_PARSED = {
     "twin physics estimate RUN": NETWORK,
     "twin reconstruct RECORDING -o RUN --type-hint vlm": NETWORK,
     "twin reconstruct WALK -o ROOM": "tests/test_walk.py renders a walk and reconstructs it",
+    "twin annotate RECORDING -o RUN": "serves until somebody ends it; tests/recon/annotation has its parts",
+    "twin evaluate RUN --truth RUN/truth": "needs what a person marked; tests/recon/annotation has its parts",
     "twin view RUN": "serves until somebody ends it; tests/twin/view has its parts",
     "twin robots fetch": "needs the name of a robot, which the text around it leaves out; fetches its model",
     "twin robots show": "needs the name of a robot, which the text around it leaves out",

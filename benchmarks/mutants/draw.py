@@ -14,7 +14,7 @@ from benchmarks.mutants.testmap import PACKAGES
 
 SEED = 12
 # A room has one fault for so many lines and at least FEWEST: all rooms together have some 270, by us.
-LINES, FEWEST = 350, 3
+LINES, FEWEST = 360, 3
 
 
 def draw(

@@ -62,15 +62,15 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
         InputError: the truth can't be read or is of another recording, or the twin has no cameras.
     """
     true = truth if isinstance(truth, Truth) else load_truth(truth)
-    if recording is None and true.knows("labels"):
+    if recording is None and true.tells_surfaces:
         recording = open_recording(true.folder.parent)
     if recording is not None:
         true = truth_of(true, recording)
-    if twin.cameras is None and true.knows("cameras"):
+    if twin.cameras is None and true.cameras is not None:
         raise InputError(f"twin {twin.name} has no cameras to align the worlds by", "reconstruct it again")
     _require_frames(twin, true, recording)
     cameras = None
-    if twin.cameras is not None and true.knows("cameras"):
+    if twin.cameras is not None and true.cameras is not None:
         cameras = camera_errors(twin.cameras, true)
     T = np.eye(4) if cameras is None else cameras.T_truth_recon
     pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, true)
@@ -79,7 +79,7 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
     if twin.labels and true.knows("labels"):
         labels = label_scores(twin.labels, true, {k: p.id for k, p in matched.items()})
     seen: dict[int, Array] = {}
-    if recording is not None and true.knows("cameras", "states", "labels"):
+    if recording is not None and true.cameras is not None and true.knows("states") and true.tells_surfaces:
         seen = seen_points(recording, true)
     rows = [] if cameras is None else list(_camera_rows(cameras))
     rows += _scene_rows(twin, true, labels.get(HAND_LABEL), seen, T)

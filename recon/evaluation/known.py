@@ -8,21 +8,24 @@ from twin.errors import InputError, nearest_name
 
 FACTS = {
     "cameras": "the cameras' poses, in the world in which the joints are told",
+    "world": "the same by a reconstruction, which tells nothing of the cameras",
     "up": "that this world's z is up",
     "intervals": "when each part moves",
     "states": "each part's state in the frames",
     "closed end": "which end of a motion is closed",
     "centres": "where each part is",
-    "meshes": "each part's surface",
+    "fronts": "some of each part's surface",
+    "meshes": "all of each part's surface",
     "static": "the surface of what never moves",
     "labels": "what each pixel shows",
     "hand": "the hand: its pixels, and where it holds a part",
     "all parts": "that no other part moves",
 }
 EVERYTHING = frozenset(FACTS)
+_IMPLIED = {"cameras": "world", "meshes": "fronts"}
 
-_MOTION = ("cameras", "states", "closed end", "meshes")
-_SURFACE = ("cameras", "states", "meshes", "labels")
+_MOTION = ("world", "states", "closed end", "fronts")
+_SURFACE = ("world", "states", "meshes", "labels")
 # By the names of the rows of an evaluation, in their order.
 NEEDS: dict[str, tuple[str, ...]] = {
     "ATE": ("cameras",),
@@ -33,14 +36,14 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "hand mIoU": ("labels", "hand"),
     "hand on hand-free frames": ("labels", "hand"),
     "longest gap of labels": (),
-    "static mesh accuracy": ("cameras", "labels", "static"),
-    "static mesh completeness": ("cameras", "labels", "static"),
-    "static Chamfer": ("cameras", "labels", "static"),
+    "static mesh accuracy": ("world", "labels", "static"),
+    "static mesh completeness": ("world", "labels", "static"),
+    "static Chamfer": ("world", "labels", "static"),
     "spurious parts": ("all parts",),
     "type right": (),
-    "axis": ("cameras",),
-    "pivot, line to line": ("cameras",),
-    "pivot, point to line": ("cameras", "centres"),
+    "axis": ("world",),
+    "pivot, line to line": ("world",),
+    "pivot, point to line": ("world", "centres"),
     "state": ("states",),
     "range": ("states",),
     "screw path": _MOTION,
@@ -59,7 +62,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "part mesh accuracy": _SURFACE,
     "part mesh completeness": _SURFACE,
     "part Chamfer": _SURFACE,
-    "contact": ("cameras", "states", "meshes", "hand"),
+    "contact": ("world", "states", "meshes", "hand"),
     "success": _MOTION,
     "success, 5 deg and 2 cm": (*_MOTION, "labels"),
 }
@@ -67,7 +70,12 @@ NEEDS: dict[str, tuple[str, ...]] = {
 
 def measurable(metric: str, known: frozenset[str]) -> bool:
     """Whether a truth that knows these facts allows a measure."""
-    return known.issuperset(NEEDS[metric])
+    return with_implied(known).issuperset(NEEDS[metric])
+
+
+def with_implied(known: frozenset[str]) -> frozenset[str]:
+    """Facts with those that follow from them."""
+    return known | {weaker for fact, weaker in _IMPLIED.items() if fact in known}
 
 
 def unknown_measures(known: frozenset[str]) -> tuple[str, ...]:

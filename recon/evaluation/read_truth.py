@@ -57,7 +57,7 @@ def _own_truth(folder: Path) -> Truth:
     return Truth(
         folder=folder,
         frames=frames,
-        cameras=_cameras(folder, frames) if "cameras" in known else None,
+        cameras=_cameras(folder, frames) if known & {"cameras", "world"} else None,
         parts=parts,
         labels=LabelFolder(folder / "labels") if "labels" in known else {},
         static=read_ply(folder / "static.ply") if "static" in known else NOTHING,
@@ -117,7 +117,7 @@ def _part(
         joint=joint_of(entry["type"], entry["axis_world"], entry.get("pivot_world"), states),
         states=states,
         T_world_part=T_world_part,
-        mesh=read_ply(folder / f"part_{int(entry['id'])}.ply") if "meshes" in known else NOTHING,
+        mesh=read_ply(folder / f"part_{int(entry['id'])}.ply") if known & {"meshes", "fronts"} else NOTHING,
         segments=spans,
         grip=_grip(int(entry["id"]), hand, T_world_part),
         # without states, a motion lies between the frames at rest around it

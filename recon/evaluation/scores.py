@@ -167,7 +167,7 @@ def joint_errors(
     pivot = _pivot_errors(found, part) if same else None
     span = metrics.span_hull(motion.intervals)
     precision, recall = metrics.span_detection(part.spans, motion.intervals)
-    path = _Path(found, frames, states, part) if truth.knows("states", "meshes") else None
+    path = _Path(found, frames, states, part) if truth.knows("states", "fronts") else None
     moving = np.intersect1d(part.moving_frames, told)
     return JointErrors(
         type_right=same,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.evaluation import metrics
-from recon.evaluation.known import EVERYTHING
+from recon.evaluation.known import EVERYTHING, with_implied
 from recon.evaluation.metrics import Span
 from recon.recording import Intrinsics
 from twin import geometry as geo
@@ -138,7 +138,12 @@ class Truth:
 
     def knows(self, *names: str) -> bool:
         """Whether all these facts are known."""
-        return self.known.issuperset(names)
+        return with_implied(self.known).issuperset(names)
+
+    @property
+    def tells_surfaces(self) -> bool:
+        """Whether meshes can be compared: by what the recording shows of them."""
+        return self.knows("labels") and bool(self.known & {"meshes", "static"})
 
     def part(self, key: int) -> TruthPart:
         """The part with this id. Raises InputError that lists the ids."""

@@ -221,9 +221,13 @@ def _trajectory(recording: Recording, file: Path, kept: list[int]) -> None:
     there = np.isin(poses.frames, kept)
     if not there.any():
         return
-    T = poses.T_world_cam[there]
-    quat = geo.quat_wxyz_from_matrix(T[:, :3, :3])[:, [1, 2, 3, 0]]
-    _text(file, np.column_stack([recording.times[poses.frames[there]], T[:, :3, 3], quat]))
+    write_tum_poses(file, recording.times[poses.frames[there]], poses.T_world_cam[there])
+
+
+def write_tum_poses(path: Path, times: Array, T_world_cam: Array) -> None:
+    """TUM lines of times (n,) s and poses (n, 4, 4), camera to world."""
+    quat = geo.quat_wxyz_from_matrix(T_world_cam[:, :3, :3])[:, [1, 2, 3, 0]]
+    _text(path, np.column_stack([times, T_world_cam[:, :3, 3], quat]))
 
 
 def _text(path: Path, rows: Any) -> None:

@@ -185,7 +185,7 @@ def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
     from recon.evaluation import evaluate as evaluation_of
     from recon.readers import open_recording
 
-    recording = open_recording(true.folder.parent, **told) if told and true.knows("labels") else None
+    recording = open_recording(true.folder.parent, **told) if told and true.tells_surfaces else None
 
     progress("evaluate", 0.0, "")
     evaluation = evaluation_of.evaluate(twin, true, recording)

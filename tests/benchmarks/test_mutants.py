@@ -324,5 +324,5 @@ def test_the_list_holds_the_named_faults_and_every_room() -> None:
 
 
 def test_a_room_has_as_many_faults_as_its_lines_ask_for() -> None:
-    assert [wanted(["\n" * n]) for n in (0, 1050, 1260, 3500)] == [3, 3, 4, 10]
-    assert wanted(["\n" * 1750] * 2) == 10
+    assert [wanted(["\n" * n]) for n in (0, 1080, 1296, 3600)] == [3, 3, 4, 10]
+    assert wanted(["\n" * 1800] * 2) == 10

@@ -14,6 +14,7 @@ EXAMPLES = {
     "replay": "twin replay out/run --part door --goal 45deg",
     "trajectory": "twin trajectory out/run --part door --goal 45deg --format ros2 csv -o out/plan",
     "evaluate": "twin evaluate out/run --truth out/recording/truth",
+    "annotate": "twin annotate clip.r3d -o out/run",
     "config": "twin config --of replay --set plan.seed=3 --toml",
     "view": "twin view out/run",
     "edit": "twin edit out/run --part door upper=92deg axis=vertical",

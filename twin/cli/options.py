@@ -209,7 +209,7 @@ def _evaluate(parser: ArgumentParser) -> None:
         metavar="FOLDER",
         type=Path,
         required=True,
-        help="truth/ of a simulated recording, or an annotated HOI4D or Arti4D clip",
+        help="truth/ of a simulated or annotated recording, or an annotated HOI4D or Arti4D clip",
     )
 
 
@@ -280,6 +280,7 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "replay": _replay,
     "trajectory": _trajectory,
     "evaluate": _evaluate,
+    "annotate": recording_options.annotate,
     "config": _config,
     "view": edit_options.view,
     "edit": edit_options.add_options,

@@ -50,6 +50,17 @@ def _seconds(text: str) -> float:
     return value
 
 
+def annotate(parser: ArgumentParser) -> None:
+    """`twin annotate`."""
+    add = parser.add_argument
+    add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
+    add(
+        "-o", "--out", metavar="RUN", type=Path, required=True, help="run folder; the truth goes to RUN/truth"
+    )
+    add("--port", metavar="N", type=int, default=0, help="of the server on this machine [a free one]")
+    add_options(parser)
+
+
 def convert(parser: ArgumentParser) -> None:
     """`twin convert`."""
     add = parser.add_argument

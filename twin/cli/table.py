@@ -32,6 +32,10 @@ VERBS = {
     "replay": ("robots.replay_verb:replay", "let a robot open or close the twin's parts in simulation"),
     "trajectory": ("robots.trajectory_verb:trajectory", "export a planned trajectory in robots' own formats"),
     "evaluate": ("recon.verbs.twins:evaluate", "compare a run with the truth"),
+    "annotate": (
+        "recon.verbs.annotate:annotate",
+        "mark in a browser what truly happens in a recording, as a truth for evaluate",
+    ),
     "config": ("twin.cli.config_verb:config", "list the settings with unit, range and meaning"),
     "view": (
         "twin.cli.view_verb:view",

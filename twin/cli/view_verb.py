@@ -16,9 +16,14 @@ def view(console: Console, run: Path, port: int) -> Outcome:  # noqa: ARG001
     from twin.view import serving
 
     with serving(run_folder(run), port) as server:
-        sys.stderr.write(f"open {server.address} in a browser of this machine; Ctrl-C ends it\n")
-        sys.stderr.flush()
-        with suppress(KeyboardInterrupt):
-            while True:
-                time.sleep(3600)
+        until_ended(server.address)
     return Outcome({"run": str(run)})
+
+
+def until_ended(address: str) -> None:
+    """Tell a page's address and wait until the user ends it."""
+    sys.stderr.write(f"open {address} in a browser of this machine; Ctrl-C ends it\n")
+    sys.stderr.flush()
+    with suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(3600)

@@ -58,7 +58,7 @@ class Server(LocalServer):
         return {name: partial(self._act, act) for name, act in _ACTS.items()}
 
     def _act(self, act: _Act, body: Mapping[str, Any]) -> dict[str, Any]:
-        """The answer to an act, after which the run's page is written anew, or its recording reconstructed."""
+        """The answer to an act, after which the page is written anew or the recording reconstructed."""
         with self.writing:
             self.work.require_idle()
             with claimed(self.run):

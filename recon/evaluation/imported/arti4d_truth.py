@@ -61,7 +61,11 @@ def arti4d_truth(folder: Path) -> Truth:
         for k, (name, spans) in enumerate(cues.items())
     )
     cameras, said = _cameras(folder, times)
-    known = ["intervals", *(["cameras"] if cameras else []), *(["all parts"] if whole else [])]
+    known = [
+        "intervals",
+        *(["cameras"] if cameras else []),
+        *(["all parts"] if whole else []),
+    ]
     return Truth(
         folder=folder,
         frames=len(times),

@@ -27,6 +27,7 @@ from twin.runs.manifest import update_manifest
 from twin.runs.run_lock import claimed
 from twin.storage import load, save
 from twin.view import Server, serving, work
+from twin.view.local import LocalServer
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def server(run: Path) -> Iterator[Server]:
 
 
 def ask(
-    server: Server, method: str, path: str, body: Any = None, **headers: str
+    server: LocalServer, method: str, path: str, body: Any = None, **headers: str
 ) -> tuple[int, bytes, dict[str, str]]:
     """Status, content and headers of an answer. headers: with _ for -, in place of what a browser sends."""
     host, port = server.server_address[:2]
@@ -58,7 +59,7 @@ def ask(
         link.close()
 
 
-def post(server: Server, what: str, body: Any, **headers: str) -> tuple[int, dict[str, Any]]:
+def post(server: LocalServer, what: str, body: Any, **headers: str) -> tuple[int, dict[str, Any]]:
     status, told, _ = ask(server, "POST", f"/{server.token}/{what}", body, **headers)
     return status, json.loads(told)
 
