@@ -47,13 +47,15 @@ _QUANTILE = 0.02
 class ClosedEnd:
     """The closed end: its state in the part's own counting, the state's sign on opening, the reason.
 
-    probability: of this end by the added log odds of all cues; .5 if no cue was looked at.
+    probability: of this end by the added log odds of all cues; .5 if no cue was looked at. adjoined: the
+    greatest share of the front's rim beside which static surface stands, at an end of the travel or past it.
     """
 
     state: float
     opening_sign: Literal[1, -1]
     source: str
     probability: float = 0.5
+    adjoined: float = 0.0
 
 
 def find_closed_end(
@@ -75,7 +77,7 @@ def find_closed_end(
     surface = sample(part_mesh)
     if not len(surface.points):
         nothing = 0.0, 0.0
-        return _end(ends, ClosedCues(nothing, nothing, nothing, None, 0.0, starts))
+        return _end(ends, ClosedCues(nothing, nothing, nothing, None, 0.0, starts), 0.0)
     face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
     flush = flush_shares(surface, face, part.joint, ends, static, _GAP, _past(face, part.joint))
     along = float(face.normal @ part.joint.axis) if isinstance(part.joint, Prismatic) else 1.0
@@ -97,6 +99,7 @@ def find_closed_end(
             pushed_away=float(np.sign(along)) if slides_out else 0.0,
             starts=starts,
         ),
+        max(map(max, flush)),
     )
 
 
@@ -116,9 +119,9 @@ def _past(face: Front, joint: Joint) -> Array:
     return np.arange(0.0, _PAST_SLIDE + 1e-9, _GAP)
 
 
-def _end(ends: tuple[float, float], cues: ClosedCues) -> ClosedEnd:
+def _end(ends: tuple[float, float], cues: ClosedCues, adjoined: float) -> ClosedEnd:
     k, probability, source = cues.decided()
-    return ClosedEnd(ends[k], -1 if k else 1, source, probability)
+    return ClosedEnd(ends[k], -1 if k else 1, source, probability, adjoined)
 
 
 def travel_ends(state: Array) -> tuple[float, float]:

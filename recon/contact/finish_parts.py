@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.contact.closed_end import find_closed_end, rebase, rebase_mesh
+from recon.contact.closed_end import ClosedEnd, find_closed_end, rebase, rebase_mesh
 from recon.contact.find_contact import ContactConfig, find_contact
 from recon.fusion.fuse import FusedScene
 from recon.interaction.parts.moving_part import MovingPart
@@ -20,22 +20,19 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 11, ("contact",))
+CONTACT = Stage("contact", 12, ("contact",))
 
 
 @dataclass(frozen=True, eq=False)
 class FinishedPart:
-    """A part counted from its closed end, with all that was found about it.
-
-    closed_probability: of the end that is taken for the closed one (`recon.contact.closed_end`).
-    """
+    """A part counted from its closed end, with all that was found about it. closed: as it was found, in the
+    states before."""
 
     moving: MovingPart
     mesh: Mesh
     contact: ContactPath | None
     type_source: str
-    closed_source: str
-    closed_probability: float
+    closed: ClosedEnd
 
     def standing(self) -> FinishedPart:
         """The part of the static scene that it is while it is handled first and its carrier stands."""
@@ -82,7 +79,7 @@ def finish_parts(
         closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels)
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
         path = _contact(recording, cameras, labels, based, based_mesh, config)
-        one = FinishedPart(based, based_mesh, path, sources[part.id], closed.source, closed.probability)
+        one = FinishedPart(based, based_mesh, path, sources[part.id], closed)
         carrier = [
             f.moving for f in finished if whole.carrier is not None and f.moving.id == whole.carrier.id
         ]

@@ -77,7 +77,7 @@ def assemble(
             motion=part.moving.motion,
             contact=part.contact,
             limits_source="observed: quantiles of the smoothed state",
-            closed_source=part.closed_source,
+            closed_source=part.closed.source,
             type_source=part.type_source,
             verdict=judged.parts[part.moving.id],
             parent=None if part.moving.carrier is None else part.moving.carrier.id,

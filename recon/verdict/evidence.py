@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.contact.closed_end import ClosedEnd
 from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.bare_borders import bare_border
@@ -62,14 +63,13 @@ class SceneEvidence:
 class PartEvidence:
     """One part among all of them.
 
-    closed_probability: of the end that is taken for the closed one (`recon.contact.closed_end`); None without
-    a surface.
+    closed: the end that is taken for the closed one; None without a surface.
     """
 
     scene: SceneEvidence
     part: MovingPart
     mesh: Mesh | None
-    closed_probability: float | None = None
+    closed: ClosedEnd | None = None
 
     @cached_property
     def has_surface(self) -> bool:

@@ -23,7 +23,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 46, ())
+VERDICT = Stage("verdict", 47, ())
 # Of the frames in which either of two parts moves, those in which both do: a hand opens one part. Right parts
 # of open recordings (looked at): 0 to .08 in 14, .28 in one; one part that was found as two: .44 to .79.
 TOGETHER = 0.3
@@ -155,7 +155,7 @@ class _Told:
     def doubts(self, scene: SceneEvidence, interaction: Interaction) -> Mapping[int, Sequence[Doubt]]:
         """The doubts about each part that an interaction handles, by id."""
         handled = {p.id for p in interaction.parts}
-        closed = {f.moving.id: f.closed_probability for f in self.finished}
+        closed = {f.moving.id: f.closed for f in self.finished}
         mine = [(part, mesh) for part, mesh in scene.parts if part.id in handled]
         alone = {
             part.id: doubts_about(

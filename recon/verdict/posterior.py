@@ -17,6 +17,7 @@ from twin.verdict import Verdict
 QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "joint": ("AxisUnsure", "PivotUnsure", "RangeUnsure"),
     "closed end": ("ClosedEndUnsure",),
+    "attached": ("StandsFree",),
     "surface": ("SurfaceUnseen",),
     "size": ("SmallSurface",),
     "depth": ("Unexplained", "StaticSeenThrough", "SeenThrough", "CamerasDrift"),
@@ -29,6 +30,7 @@ SOUND = 4.19
 WEIGHTS: Mapping[str, float] = {
     "joint": 1.17,
     "closed end": 1.29,
+    "attached": 1.30,
     "surface": 1.12,
     "size": 1.30,
     "depth": 1.12,

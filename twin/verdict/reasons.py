@@ -69,6 +69,12 @@ REASONS: Mapping[str, Words] = {
         "its closed end has a probability of {probability:.0f %} (at least {limit:g %})",
         f"close it in the recording, with what surrounds it in view, or {CUT}",
     ),
+    "StandsFree": Words(
+        "share limit",
+        "nothing stands beside it where it is closed: it may be no part of furniture",
+        "beside {share:.0f %} of its border stands furniture where it is closed (at least {limit:g %})",
+        f"record it closed, with what surrounds it in view, or {POINT_AT_IT}",
+    ),
     "CamerasDrift": Words(
         "frame other off_m limit_m",
         "the path of the camera is wrong, or something that fills the view moved unnoticed",

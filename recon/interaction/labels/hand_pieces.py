@@ -1,4 +1,4 @@
-"""Which unexplained pieces are no hand: crumbs, and pieces at rest without an arm."""
+"""Which unexplained pieces are no hand: crumbs, what is too wide, and pieces at rest without an arm."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ Bits = NDArray[np.bool_]
 
 # All chosen by us. Least share of the picture that a hand has.
 _MIN_HAND = 0.001
+# m; radius of a disc within a forearm with its sleeve, smeared by a coarse sensor.
+_WIDEST_M = 0.15
 # px of the working grid within which a piece reaches the picture's border.
 _BORDER_PX = 3
 # Share of a resting piece's pixels that stay where they are.
@@ -36,6 +38,14 @@ def drop_crumbs(belief: F32) -> None:
     _, pieces, stats, _ = cv2.connectedComponentsWithStats(hand.astype(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] < _MIN_HAND * hand.size
     belief[-1][small[pieces] & hand] = 0.0
+
+
+def too_wide(hand: Bits, depth: F32, fx: float) -> Bits:
+    """Pixels (H, W) of pieces of the hand into which a disc fits that no arm has room for: people, curtains.
+    depth (H, W): m, 0 unknown. fx: px."""
+    _, pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)
+    room = cv2.distanceTransform(np.pad(hand.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1] * depth / fx
+    return np.asarray(np.isin(pieces, pieces[room > _WIDEST_M]) & hand)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.interaction.labels.crf import agree, upsample_labels
 from recon.interaction.labels.enclosed import DEEP
 from recon.interaction.labels.first_scores import first_scores
-from recon.interaction.labels.hand_pieces import Rests, drop_crumbs
+from recon.interaction.labels.hand_pieces import Rests, drop_crumbs, too_wide
 from recon.interaction.labels.pooling import pool_color, world_points
 from recon.interaction.labels.reference_frames import (
     COLOR_SIGMAS,
@@ -47,7 +47,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 13, ("labels",))
+LABELS = Stage("labels", 14, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -227,6 +227,8 @@ def _final(
     labels = upsample_labels(
         belief, seen.color, seen.depth, lab(color), np.asarray(depth, np.float32), factor, scale, ids
     )
+    hand = labels == HAND_LABEL
+    labels[too_wide(hand, np.asarray(depth, np.float32), recording.intrinsics.fx)] = UNKNOWN_LABEL
     if not (depth > 0).any():
         labels[:] = UNKNOWN_LABEL
     return labels

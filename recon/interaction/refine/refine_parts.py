@@ -53,7 +53,7 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 25, ("labels",))
+REFINE = Stage("refine", 26, ("labels",))
 POLISH = Stage("polish", 16, ())
 _DRIFT = Drift()
 _LEAP = 0.05  # of the range; smooth motion stays within .03 of its median at a turning point

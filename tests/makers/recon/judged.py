@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from recon.contact.closed_end import ClosedEnd
 from recon.interaction.interaction import Interaction
 from recon.interaction.motion.movers import Movers
 from recon.interaction.parts.find_parts import FoundParts, PartTracks
@@ -21,6 +22,7 @@ from twin.geometry import Array
 from twin.scene import JointSigma
 
 SPAN = 1.2  # rad, of the door
+SHUT = ClosedEnd(0.0, 1, "rest", 1.0, 1.0)  # a closed end that is known well
 
 
 def part_of(clip: Clip) -> MovingPart:

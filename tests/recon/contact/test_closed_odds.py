@@ -44,7 +44,7 @@ def judged(clip: Clip, e: PartEvidence) -> Verdict:
     done = finish_parts(
         s.recording, s.cameras, s.labels, {e.part.id: "motion"}, (e.part,), fused, ContactConfig()
     )
-    assert done[0].closed_probability >= CLOSED
+    assert done[0].closed.probability >= CLOSED
     fused = FusedScene(clip.static, fused.parts)  # which the pictures show
     return judge(
         s.recording, s.cameras, s.labels, as_one(s.recording, found_in(clip)), (e.part,), fused, done

@@ -70,8 +70,8 @@ def test_a_carried_part_is_finished_as_one_of_the_static_scene(clip: Clip) -> No
     assert there.contact is not None
     assert alone.contact is not None
     np.testing.assert_allclose(there.contact.point, alone.contact.point, atol=1e-9)
-    assert there.closed_source == alone.closed_source
-    assert there.closed_probability == pytest.approx(alone.closed_probability)
+    assert there.closed.source == alone.closed.source
+    assert there.closed.probability == pytest.approx(alone.closed.probability)
 
 
 @pytest.mark.parametrize("refused", [False, True])

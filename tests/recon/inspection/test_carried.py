@@ -15,7 +15,7 @@ from recon.interaction.interaction import Interaction
 from recon.verdict.judge import Fault, Judged, judge
 from recon.windows.windows import Window
 from tests.makers.recon.cabinets import Clip, make_clip
-from tests.makers.recon.judged import as_one, found_in, perfect
+from tests.makers.recon.judged import SHUT, as_one, found_in, perfect
 from twin.scene import HAND_LABEL
 from twin.verdict import Reason, of_twin, verdict_document, verdict_from
 
@@ -31,7 +31,7 @@ def clip() -> Clip:
 def judged(clip: Clip, faults: tuple[Reason, ...], surface: bool = True) -> Judged:
     """A door about which nothing else is doubtful; without a surface it is refused."""
     e = perfect(clip)
-    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),) if surface else ()
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", SHUT),) if surface else ()
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
     return judge(
         clip.recording,
@@ -92,7 +92,7 @@ def test_what_only_makes_a_recording_worse_doubts_nothing() -> None:
 
 def test_a_window_in_which_no_part_was_found_doubts_the_scene(clip: Clip) -> None:
     e = perfect(clip)
-    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", SHUT),)
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
     (one,) = as_one(clip.recording, found_in(clip))
     last = len(clip.recording) - 1
@@ -113,7 +113,7 @@ def test_a_window_in_which_no_part_was_found_doubts_the_scene(clip: Clip) -> Non
 def test_a_hand_that_moves_nothing_doubts_the_scene_and_no_part(clip: Clip) -> None:
     """Its window begins at frame 4 of the recording; the part itself is as good as ever."""
     e = perfect(clip)
-    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", SHUT),)
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
     (one,) = as_one(clip.recording, found_in(clip))
     late = replace(one, window=Window(4, len(clip.recording) - 1))

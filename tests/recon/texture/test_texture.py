@@ -18,6 +18,7 @@ from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
 from recon.texture.photo_textures import TextureConfig, chosen, evenly, photo_textures, photographed
 from recon.texture.raster import faces_at
+from tests.makers.recon.judged import SHUT
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.inferred import box_mesh
@@ -181,7 +182,7 @@ def test_a_part_is_followed_as_it_moves() -> None:
     motion = Motion(np.arange(FRAMES), scene.recording.times, shift, ((0, FRAMES - 1),), 0.001, 1.0)
     joint = Prismatic(np.array([0, 1.0, 0]), 0.0, 0.12)
     mesh = cube()
-    part = FinishedPart(MovingPart(2, joint, motion), mesh, None, "tracks", "rest", 1.0)
+    part = FinishedPart(MovingPart(2, joint, motion), mesh, None, "tracks", SHUT)
     far = mesh.transformed(geo.make_pose(np.eye(3), [0, 0, -5.0]))
     textures = scene.dressed(far, (part,))
     points, color, seen = read(mesh, textures[2])
@@ -295,7 +296,7 @@ def test_a_part_that_few_frames_of_a_walk_show_is_photographed() -> None:
     mesh = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
     def frames(windows: tuple[tuple[int, int], ...]) -> set[int]:
-        part = FinishedPart(replace(moving, windows=windows), mesh, None, "motion", "rest", 1.0)
+        part = FinishedPart(replace(moving, windows=windows), mesh, None, "motion", SHUT)
         return set(photographed(sorted(labels), labels, [part], TextureConfig()))
 
     clip, walk = frames(()), frames(((480, 520),))

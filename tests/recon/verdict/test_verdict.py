@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from recon.contact.closed_end import ClosedEnd
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.interaction.motion.movers import Movers
@@ -30,7 +31,7 @@ from tests.makers.recon.altered import (
     with_sigma,
 )
 from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import SPAN, as_one, found_in
+from tests.makers.recon.judged import SHUT, SPAN, as_one, found_in
 from twin.scene import STATIC_LABEL, Mesh, Prismatic
 
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
@@ -49,6 +50,11 @@ def known_to(e: PartEvidence, state: float) -> PartEvidence:
     return with_sigma(e, state=state)
 
 
+def closed(e: PartEvidence, **told: float) -> PartEvidence:
+    """A part whose closed end is known so well, with so much furniture beside it there."""
+    return replace(e, closed=ClosedEnd(0.0, 1, "", **told))
+
+
 LIMITS: dict[str, tuple[Callable[[PartEvidence], Doubt | None], Callable[..., PartEvidence], float, str]] = {
     # name: (evidence, change, its limit, "up" where more is worse)
     "axis": (of_parts.axis, lambda e, _, x: with_sigma(e, axis=np.radians(x)), of_parts.AXIS, "up"),
@@ -59,7 +65,8 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Doubt | None], Callable[..., Pa
     "border": (of_parts.ends_at_edges, lambda e, _, x: with_border(e, x), of_parts.BARE, "up"),
     "turn": (of_parts.travelled, lambda e, _, x: known_to(ranging(e, x), 1e-6), np.radians(6.0), "down"),
     "way": (of_parts.travelled, lambda e, _, x: known_to(ranging(e, x, Prismatic), 1e-6), 0.02, "down"),
-    "closed end": (of_parts.closed_end, lambda e, _, x: replace(e, closed_probability=1 - x), 1 - of_parts.CLOSED, "up"),
+    "closed end": (of_parts.closed_end, lambda e, _, x: closed(e, probability=1 - x), 1 - of_parts.CLOSED, "up"),
+    "beside": (of_parts.adjoined, lambda e, _, x: closed(e, adjoined=x), of_parts.ADJOINED, "down"),
     "video": (of_parts.explained, lambda e, _, x: with_known(e, unexplained=(3, x)), of_parts.UNEXPLAINED, "up"),
 }  # fmt: skip
 
@@ -152,7 +159,7 @@ def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = Fa
     """A twin of the clip, whose axis has this sigma (deg); cut: without a surface."""
     part = with_sigma(evidence, axis=np.radians(sigma), state=SPAN * sigma / 90).part
     labels = dict(evidence.scene.labels)
-    finished = () if cut else (FinishedPart(part, clip.mesh, None, "motion", "rest", 1.0),)
+    finished = () if cut else (FinishedPart(part, clip.mesh, None, "motion", SHUT),)
     fused = FusedScene(clip.static, {} if cut else {part.id: clip.mesh})
     verdict = judge(
         clip.recording, clip.cameras, labels, as_one(clip.recording, found_in(clip)), (part,), fused, finished

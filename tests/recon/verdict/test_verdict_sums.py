@@ -15,7 +15,7 @@ from recon.verdict.doubt import SURELY, Doubt
 from recon.verdict.judge import Judged, beside_doubted, clearest, doubts_about, judge, of_looks
 from recon.verdict.posterior import QUESTIONS, WEIGHTS, probability, verdict_of
 from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import as_one, found_in, perfect
+from tests.makers.recon.judged import SHUT, as_one, found_in, perfect
 from twin.verdict import reason
 from twin.verdict.reasons import REASONS
 
@@ -115,7 +115,7 @@ def judged_beside(clip: Clip, frames: int) -> Judged:
     motion = replace(e.part.motion, intervals=((first + frames, last + frames),))
     other = replace(e.part, id=e.part.id + 1, motion=motion)
     (tracks,) = found_in(clip).parts
-    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", SHUT),)
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
     found = replace(found_in(clip), parts=(tracks, PartTracks(other, tracks.members, "motion")))
     return judge(
@@ -163,8 +163,8 @@ def test_a_part_whose_state_nobody_knows_in_a_window_stands_nowhere_there(clip: 
     )
     other = replace(e.part, id=e.part.id + 1, motion=lost)
     done = (
-        FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),
-        FinishedPart(other, clip.mesh, None, "motion", "rest", 1.0),
+        FinishedPart(e.part, clip.mesh, None, "motion", SHUT),
+        FinishedPart(other, clip.mesh, None, "motion", SHUT),
     )
     fused = FusedScene(clip.static, {e.part.id: clip.mesh, other.id: clip.mesh})
     (interaction,) = as_one(clip.recording, found_in(clip))

@@ -14,7 +14,7 @@ from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.dense.voxels import in_hull_of
 from recon.interaction.labels.enclosed import with_box
 from recon.interaction.labels.evidence import Errors, Others, Pixels, compare, depth_range
-from recon.interaction.labels.hand_pieces import Rests, drop_crumbs
+from recon.interaction.labels.hand_pieces import Rests, drop_crumbs, too_wide
 from recon.interaction.labels.pooling import VoxelPool
 from recon.interaction.labels.reference_frames import View, as_references, gather
 from recon.interaction.labels.spreading import follow_surroundings
@@ -244,3 +244,17 @@ def test_what_lies_far_from_a_part_that_turns_is_none_of_it_but_where_it_moved(t
         assert (found[door] == 1).all()
         assert (found[floor] == (0 if turns else 1)).all()
         assert (found[gone] != 0).all()
+
+
+@pytest.mark.parametrize(("width_m", "stays"), [(0.2, True), (0.4, False)])
+def test_what_no_arm_has_room_for_is_no_hand(width_m: float, stays: bool) -> None:
+    """A strip from the picture's lower edge, 1.5 m away; a thin piece beside it stays a hand."""
+    depth = np.full(SHAPE, 1.5, np.float32)
+    hand = np.zeros(SHAPE, bool)
+    px = round(width_m * 60.0 / 1.5)
+    hand[8:, 30 : 30 + px] = True
+    hand[20:, 2:6] = True
+    wide = too_wide(hand, depth, 60.0)
+    assert wide[:, 30 : 30 + px][8:].all() != stays
+    assert not wide[:, :10].any()
+    assert not too_wide(hand, np.zeros(SHAPE, np.float32), 60.0).any()
