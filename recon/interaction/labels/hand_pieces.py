@@ -20,8 +20,9 @@ Bits = NDArray[np.bool_]
 
 # All chosen by us. Least share of the picture that a hand has.
 _MIN_HAND = 0.001
-# m; radius of a disc within a forearm with its sleeve, smeared by a coarse sensor.
-_WIDEST_M = 0.15
+# m; radius of a disc within an arm: true hands with sleeves have .06 at most (40 open recordings), coarse
+# sensors smear them.
+_WIDEST_M = 0.1
 # px of the working grid within which a piece reaches the picture's border.
 _BORDER_PX = 3
 # Share of a resting piece's pixels that stay where they are.
