@@ -47,6 +47,7 @@ GUIDE = (
     "verdicts",
     "editing",
     "annotating",
+    "fleets",
     "robots",
     "physics",
     "importing",

@@ -53,6 +53,7 @@ COMMAND = re.compile(r" *(?:twin|make|pip|python) ")
 NETWORK, ENGINES = "asks a service on the network", "needs environments of about 3 GB, which it fetches"
 ITSELF = "is run by .ci/run on every change, in other folders than a test's"
 MINUTES = "takes minutes and recordings that are not in the repository"
+BATCH = "takes minutes a recording; tests/twin/batch has its parts"
 ONLY_PARSED = {
     "make demo": ITSELF,
     "make test": ITSELF,
@@ -75,6 +76,11 @@ ONLY_PARSED = {
     "twin reconstruct WALK -o ROOM": "tests/test_walk.py renders a walk and reconstructs it",
     "twin annotate RECORDING -o RUN": "serves until somebody ends it; tests/recon/annotation has its parts",
     "twin evaluate RUN --truth RUN/truth": "needs what a person marked; tests/recon/annotation has its parts",
+    "twin batch RECORDING... -o DIR": BATCH,
+    "twin batch recordings/* random:0-9 -o out/batch --do reconstruct,evaluate,export --workers 4": BATCH,
+    "twin batch recordings/* random:0-9 -o out/batch --retry failed": BATCH,
+    "twin batch -o out/batch --page": BATCH,
+    "twin batch @recordings.txt -o /shared/batch --shard $SLURM_ARRAY_TASK_ID/8 --workers 2 --memory 4": BATCH,
     "twin view RUN": "serves until somebody ends it; tests/twin/view has its parts",
     "twin robots fetch": "needs the name of a robot, which the text around it leaves out; fetches its model",
     "twin robots show": "needs the name of a robot, which the text around it leaves out",

@@ -97,7 +97,8 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
     lacks = lacking(true) if is_walk(true) else ()
     gaps = twin.cameras.gaps(true.frames) if twin.cameras is not None else ()  # a warning names them all
     walk = walk_scores(twin, true, gaps=gaps, labels=known) if is_walk(true) and not lacks else None
-    return Evaluation(name, tuple(rows), unknown_measures(true.known), true.notes, walk, lacks)
+    stands_for = {p.name: matched[p.id].name for p in true.parts if p.id in matched}
+    return Evaluation(name, tuple(rows), unknown_measures(true.known), true.notes, walk, lacks, stands_for)
 
 
 def _allowed(rows: Iterable[Row], true: Truth) -> list[Row]:

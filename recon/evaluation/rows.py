@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from recon.evaluation.columns import aligned
@@ -48,7 +49,8 @@ class Evaluation:
 
     unknown: measures that this truth does not allow. notes: what was left out of the truth, for people.
     walk: of a recording with several parts or interactions; the goals don't concern it. walk_lacks: the facts
-    that this truth doesn't tell and such a walk's measures need.
+    that this truth doesn't tell and such a walk's measures need. matched: names of the parts found, by those
+    of the true parts that they stand for.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Evaluation:
     notes: tuple[str, ...] = ()
     walk: WalkScores | None = None
     walk_lacks: tuple[str, ...] = ()
+    matched: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def remarks(self) -> list[str]:
@@ -89,6 +92,7 @@ class Evaluation:
             "rows": [r.as_dict() for r in self.rows],
             "unknown": list(self.unknown),
             "notes": list(self.notes),
+            "matched": dict(self.matched),
             **walk,
         }
 

@@ -15,6 +15,7 @@ EXAMPLES = {
     "trajectory": "twin trajectory out/run --part door --goal 45deg --format ros2 csv -o out/plan",
     "evaluate": "twin evaluate out/run --truth out/recording/truth",
     "annotate": "twin annotate clip.r3d -o out/run",
+    "batch": "twin batch recordings/* random:0-9 -o out/batch --do reconstruct,evaluate --workers 4",
     "config": "twin config --of replay --set plan.seed=3 --toml",
     "view": "twin view out/run",
     "edit": "twin edit out/run --part door upper=92deg axis=vertical",

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from twin.cli import edit_options, export_options, recording_options, said_options
+from twin.cli import batch_options, edit_options, export_options, recording_options, said_options
 from twin.cli.export_options import settings
 from twin.cli.said_options import point
 
@@ -281,6 +281,7 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "trajectory": _trajectory,
     "evaluate": _evaluate,
     "annotate": recording_options.annotate,
+    "batch": batch_options.batch,
     "config": _config,
     "view": edit_options.view,
     "edit": edit_options.add_options,

@@ -36,6 +36,10 @@ VERBS = {
         "recon.verbs.annotate:annotate",
         "mark in a browser what truly happens in a recording, as a truth for evaluate",
     ),
+    "batch": (
+        "twin.cli.batch_verb:batch",
+        "take many recordings through the verbs, on all cores or machines; go on where it stopped",
+    ),
     "config": ("twin.cli.config_verb:config", "list the settings with unit, range and meaning"),
     "view": (
         "twin.cli.view_verb:view",

@@ -1,0 +1,100 @@
+"""The verb `batch` of the command line: many recordings, whatever fails."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from twin.batch import Batch, Settings, Unit, units_of
+from twin.batch.batch import State
+from twin.batch.journal import JOURNAL, latest
+from twin.batch.page import INDEX, write_page
+from twin.batch.table import TABLE, write_table
+from twin.batch.units import shard as every_nth
+from twin.cli import given
+from twin.cli.console import Console, Outcome
+from twin.cli.table import SETTINGS, named
+from twin.errors import InputError
+from twin.report.sections import Table
+
+
+def batch(
+    console: Console,
+    recordings: Sequence[str],
+    out: Path,
+    shard: str,
+    config: Path | None,
+    set: Sequence[str],
+    dry_run: bool,
+    page: bool,
+    **how: Any,
+) -> Outcome:
+    """Take the recordings through the verbs, write page and table. how: do, workers, retry, timeout, memory
+    and keep, as the command line has them."""
+    if page:
+        return _told(out, _as_it_is(out))
+    given.settings(named(SETTINGS["reconstruct"]), config, set)  # refuses what is none
+    options = [*(["--config", str(config.resolve())] if config else []), *(f"--set={s}" for s in set)]
+    verbs, memory = how.pop("do"), 1000 * how.pop("memory")
+    settings = Settings(verbs, tuple(options), memory_mb=memory, **how)
+    units = every_nth(units_of(recordings), shard)
+    if not units:
+        raise InputError(
+            f"shard {shard} of {len(units_of(recordings))} recordings is empty", "give fewer shards"
+        )
+    whole = Batch(units, out, settings)
+    if dry_run:
+        left = {u.id for u in whole.left()}
+        rows = [[u.id, u.source, "to do" if u.id in left else "done"] for u in units]
+        data = {"units": [{"id": u.id, "recording": u.source, "done": u.id not in left} for u in units]}
+        return Outcome(data, [Table(f"{len(left)} of {len(units)} to do", ["id", "recording", ""], rows)])
+    with console.progress() as progress:
+
+        def tell(state: State) -> None:
+            busy = ", ".join(f"{name} ({verb})" for name, verb in list(state.busy.items())[:3])
+            progress(
+                "batch", state.done / len(units), f"{state.done} of {len(units)}; {busy}" if busy else ""
+            )
+            write_page(out, state)
+
+        state = whole.go(tell)
+    return _told(out, state)
+
+
+def _as_it_is(out: Path) -> State:
+    """All units that a batch ever finished in a folder. Raises InputError where there is none."""
+    rows = latest(out)
+    if not rows:
+        raise InputError(f"{out} holds no {JOURNAL}", "give the folder of a batch")
+    return State([Unit(k, str(r.get("recording", ""))) for k, r in sorted(rows.items())], rows, {})
+
+
+def _told(out: Path, state: State) -> Outcome:
+    """What became of all, once page and table are written."""
+    index, table = write_page(out, state), write_table(out, state.rows)
+    rows = [
+        [k, r["verdict"] or "-", f"{r['seconds']:.0f} s", r["error"]] for k, r in sorted(state.rows.items())
+    ]
+    failed = [k for k, r in state.rows.items() if r["exit"] == 1]
+    ends = Counter("failed" if r["exit"] == 1 else r["verdict"] or "no twin" for r in state.rows.values())
+    summary = ", ".join(f"{count} {end}" for end, count in ends.most_common())
+    data: dict[str, Any] = {
+        "page": str(index),
+        "table": str(table),
+        "units": [state.rows[k] for k in sorted(state.rows)],
+    }
+    return Outcome(
+        data,
+        [
+            Table(
+                f"{len(state.rows)} of {len(state.units)} done: {summary}",
+                ["recording", "verdict", "time", "error"],
+                rows,
+            )
+        ],
+        [f"page: {out / INDEX}", f"table: {out / TABLE}"],
+        ok=all(r["exit"] == 0 for r in state.rows.values()),
+        doubt=f"{len(failed)} of {len(state.rows)} failed; --retry failed does them again" if failed else "",
+    )
