@@ -39,7 +39,7 @@ from twin.scene import Twin
 
 RECORDS, PAGE = ROOT / "benchmarks" / "verdicts.json", ROOT / "benchmarks" / "verdicts.md"
 # What we expect of a doubt's weight and of the log odds of a part without one, and how sure we are of that
-_EXPECTED, _SPREAD = 1.2, 0.6
+_EXPECTED, _SPREAD = 1.2, 0.3
 _SOUND, _SOUND_SPREAD = 4.5, 0.7
 _FOLDS = 10
 # Probabilities between which the page counts parts

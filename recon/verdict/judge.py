@@ -23,7 +23,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 47, ())
+VERDICT = Stage("verdict", 48, ())
 # Of the frames in which either of two parts moves, those in which both do: a hand opens one part. Right parts
 # of open recordings (looked at): 0 to .08 in 14, .28 in one; one part that was found as two: .44 to .79.
 TOGETHER = 0.3

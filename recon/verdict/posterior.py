@@ -25,17 +25,17 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "alone": ("MovesWithDoubted",),
 }
 # Log odds of a part without a doubt.
-SOUND = 4.19
+SOUND = 4.21
 # What a doubt about each question takes from them, times its amount.
 WEIGHTS: Mapping[str, float] = {
-    "joint": 1.17,
-    "closed end": 1.29,
-    "attached": 1.30,
-    "surface": 1.12,
-    "size": 1.30,
-    "depth": 1.12,
-    "labels": 1.72,
-    "alone": 1.90,
+    "joint": 1.08,
+    "closed end": 1.18,
+    "attached": 1.28,
+    "surface": 1.13,
+    "size": 1.24,
+    "depth": 1.20,
+    "labels": 1.35,
+    "alone": 1.55,
 }
 # Probabilities from which on a part is trusted, and below which it is left out.
 TRUSTED, REFUSED = 0.95, 0.3
