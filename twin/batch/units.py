@@ -13,6 +13,8 @@ from twin.errors import InputError
 from twin.names import legal_name
 
 _RANDOM = re.compile(r"(random|walk):(\d{1,9})(?:-(\d{1,9}))?", re.ASCII)
+# Files that are recordings, of those in a folder; others, such as README.md, are given by their path.
+_FILES = (".r3d", ".mkv", ".bag", ".db3", ".mcap", ".sens")
 _MOST = 100_000  # units of one text, more is a slip; chosen by us
 # Bytes at either end of each file that tell it from another of the same size. Chosen by us.
 _ENDS = 4096
@@ -68,7 +70,8 @@ def _units(text: str, place: Path, lists: bool = True) -> Iterator[Unit]:
         if not folder.is_dir():
             raise InputError(f"{folder} is no folder", "give one of recordings")
         for path in sorted(p for p in folder.iterdir() if not p.name.startswith(".")):
-            yield _of_path(path)
+            if path.is_dir() or path.suffix.lower() in _FILES:
+                yield _of_path(path)
     else:
         yield _of_path(place / text)
 

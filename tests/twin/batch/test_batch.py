@@ -88,6 +88,9 @@ def test_a_seed_is_rendered_and_evaluated_and_ids_hold_elsewhere(tmp_path: Path,
     listed = tmp_path / "list.txt"
     listed.write_text("# mine\nmoved/a\n\nrandom:4\n")
     assert [u.id for u in units_of([f"@{listed}"])] == [u.id for u in moved]
+    (tmp_path / "moved" / "README.md").write_text("not one")
+    (tmp_path / "moved" / "b.r3d").write_bytes(b"zip")
+    assert [Path(u.source).name for u in units_of([f"{tmp_path}/moved/*"])] == ["a", "b.r3d"]
     (tmp_path / "moved" / "a" / "color.txt").write_text("other")
     assert units_of([str(tmp_path / "moved" / "a")])[0].id not in state.rows
 
