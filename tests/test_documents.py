@@ -81,6 +81,7 @@ ONLY_PARSED = {
     "twin batch recordings/* random:0-9 -o out/batch --retry failed": BATCH,
     "twin batch -o out/batch --page": BATCH,
     "twin batch @recordings.txt -o /shared/batch --shard $SLURM_ARRAY_TASK_ID/8 --workers 2 --memory 4": BATCH,
+    "twin batch @recordings.txt -o /shared/batch --backend ray --address auto --memory 4": BATCH,
     "twin view RUN": "serves until somebody ends it; tests/twin/view has its parts",
     "twin robots fetch": "needs the name of a robot, which the text around it leaves out; fetches its model",
     "twin robots show": "needs the name of a robot, which the text around it leaves out",

@@ -6,10 +6,11 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from twin.batch.claims import PULSE, Claims
 from twin.batch.journal import append, latest
@@ -33,7 +34,8 @@ class Settings:
 
     verbs: of VERBS. options: of `twin reconstruct`. workers: units at a time; 0 takes half of the cores.
     timeout: s a unit. memory_mb: of a unit; 0 shares what the machine has to give. retry: which of the units
-    that are done are done again. keep: what stays of a run.
+    that are done are done again. keep: what stays of a run. ray: the units are Ray's tasks, of the cluster at
+    `address`, or of this machine.
     """
 
     verbs: tuple[str, ...] = ("reconstruct", "evaluate")
@@ -43,6 +45,8 @@ class Settings:
     memory_mb: float = 0.0
     retry: Retry = ""
     keep: Keep = "all"
+    ray: bool = False
+    address: str = ""
 
     @property
     def digest(self) -> str:
@@ -77,6 +81,23 @@ class State:
 
 
 Told = Callable[[State], None]
+
+
+class AtWork(Protocol):
+    """A unit at work: `twin.batch.work.Work`, or a task somewhere else."""
+
+    unit: Unit
+
+    @property
+    def run(self) -> Path: ...
+    @property
+    def doing(self) -> str: ...
+    def step(self) -> bool: ...
+    def stop(self) -> None: ...
+
+
+Begin = Callable[[Unit], AtWork]
+Row = Callable[[Any], dict[str, Any]]  # the line of a unit whose work is at its end
 
 
 class Batch:
@@ -116,22 +137,46 @@ class Batch:
     def go(self, told: Told) -> State:
         """Work until every unit is done, by this batch or another one, and return how it ended. told: hears
         of every change. An interruption ends all processes and gives their units back."""
-        works: list[Work] = []
+        with self._backend() as (begin, row, room):
+            return self._go(told, begin, row, room)
+
+    @contextmanager
+    def _backend(self) -> Iterator[tuple[Begin, Row, int]]:
+        """How units are begun and told, and how many at a time."""
+        settings, limits = self.settings, self.settings.limits
+
+        def work(unit: Unit) -> Work:
+            return Work(unit, self.folder, settings.verbs, settings.options, limits)
+
+        if not settings.ray:
+            yield work, lambda w: row_of(w, settings.digest, self.claims.host), settings.at_a_time
+            return
+        from twin.batch import ray_tasks
+
+        with ray_tasks.connected(settings.address):
+            room = settings.workers or ray_tasks.places(limits.threads)
+            yield (
+                lambda unit: ray_tasks.begun(work(unit), settings.digest, settings.memory_mb),
+                lambda task: dict(task.row()),
+                room,
+            )
+
+    def _go(self, told: Told, begin: Begin, row: Row, room: int) -> State:
+        works: list[AtWork] = []
         done_here = 0
         started = pulsed = time.monotonic()
-        limits = self.settings.limits
         try:
             while True:
                 rows, left = latest(self.folder), self.left()
                 ours = {w.unit.id for w in works}
                 for unit in [u for u in left if u.id not in ours]:
-                    if len(works) >= self.settings.at_a_time:
+                    if len(works) >= room:
                         break
                     if self.claims.take(unit.id):
                         if self._settled(latest(self.folder).get(unit.id)):  # done since we looked
                             self.claims.release(unit.id)
                             continue
-                        works.append(self._work(unit, limits))
+                        works.append(begin(unit))
                 spent = time.monotonic() - started
                 waiting = len(left)
                 share = spent / done_here if done_here else None
@@ -142,7 +187,7 @@ class Batch:
                 while time.monotonic() < until:
                     ended = [w for w in works if not w.step()]
                     for work in ended:
-                        self._finish(work)
+                        self._finish(work, row(work))
                         works.remove(work)
                         done_here += 1
                     if time.monotonic() - pulsed > PULSE:
@@ -156,24 +201,20 @@ class Batch:
                 work.stop()
                 self.claims.release(work.unit.id)
 
-    def _work(self, unit: Unit, limits: Limits) -> Work:
-        return Work(unit, self.folder, self.settings.verbs, self.settings.options, limits)
-
-    def _still_ours(self, work: Work) -> bool:
+    def _still_ours(self, work: AtWork) -> bool:
         if self.claims.pulse(work.unit.id):
             return True
         work.stop()  # this batch slept, and another one took it for dead
         return False
 
-    def _finish(self, work: Work) -> None:
+    def _finish(self, work: AtWork, row: dict[str, Any]) -> None:
         """Write its line first: a unit that is told is done, whatever happens next."""
-        row = row_of(work, self.settings.digest, self.claims.host)
         append(self.folder, {**row, "ended": round(time.time(), 3)})
         slim(work.run, self.settings.keep)
         self.claims.release(work.unit.id)
 
     def _state(
-        self, rows: dict[str, dict[str, Any]], works: Sequence[Work], seconds_left: float | None
+        self, rows: dict[str, dict[str, Any]], works: Sequence[AtWork], seconds_left: float | None
     ) -> State:
         settled = {k: r for k, r in rows.items() if self._settled(r)}
         return State(self.units, settled, {w.unit.id: w.doing for w in works}, seconds_left)

@@ -14,7 +14,7 @@ from twin.batch.batch import State
 from twin.files.text import write_text
 
 INDEX = "index.html"
-_LEVELS = ("trusted", "doubtful", "refused", "failed", "waiting")
+_LEVELS = ("trusted", "doubtful", "refused", "failed", "working", "waiting")
 _Z = 1.959964  # of a 95 % interval
 
 
@@ -48,7 +48,14 @@ def _card(folder: Path, unit: str, source: str, state: State) -> dict[str, Any]:
         "missed": [],
     }
     if row is None:
-        return {**base, "level": "waiting", "doing": state.busy.get(unit, ""), "seconds": "", "memory": ""}
+        doing = state.busy.get(unit, "")
+        return {
+            **base,
+            "level": "working" if doing else "waiting",
+            "doing": doing,
+            "seconds": "",
+            "memory": "",
+        }
     pictures = sorted((run / "report").glob("frame_*.jpg"))
     twin = _twin(run) if row.get("verdict") else {}
     return {

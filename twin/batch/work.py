@@ -39,7 +39,7 @@ class Limits:
 class Work:
     """A unit whose verbs are carried out in `folder`/runs/ID.
 
-    It is driven by `step`, which never waits. row: what is told of it in the end.
+    It is driven by `step`, which never waits. program: what is called with each verb.
     """
 
     unit: Unit
@@ -47,6 +47,7 @@ class Work:
     verbs: Sequence[str]
     options: Sequence[str]
     limits: Limits
+    program: Sequence[str] = field(default_factory=lambda: PROGRAM)
     steps: dict[str, dict[str, Any]] = field(default_factory=dict)
     peak_mb: float = 0.0
     error: str = ""
@@ -136,7 +137,7 @@ class Work:
             return False
         self._verb = left[0]
         self._log(self._verb).parent.mkdir(parents=True, exist_ok=True)
-        words = [*PROGRAM, self._verb, *self._commands()[self._verb], "--json"]
+        words = [*self.program, self._verb, *self._commands()[self._verb], "--json"]
         threads = str(self.limits.threads)
         environment = {**os.environ, "OMP_NUM_THREADS": threads, "PYTHONUNBUFFERED": "1"}
         self._verb_began = time.monotonic()

@@ -22,6 +22,13 @@ def batch(parser: ArgumentParser) -> None:
         help=f"of {', '.join(VERBS)} [reconstruct,evaluate]; evaluate where there is a truth",
     )  # fmt: skip
     add("--workers", metavar="N", type=_count, default=0, help="recordings at a time [half of the cores]")
+    add(
+        "--backend",
+        choices=("processes", "ray"),
+        default="processes",
+        help="what carries them out [processes]",
+    )
+    add("--address", metavar="ADDR", default="", help="of a Ray cluster that sees DIR [one on this machine]")
     add("--shard", metavar="I/N", default="0/1", help="only every N-th recording, from the I-th on [0/1]")
     add(
         "--retry", choices=("failed", "doubtful", "all"), default="",

@@ -31,14 +31,16 @@ def batch(
     page: bool,
     **how: Any,
 ) -> Outcome:
-    """Take the recordings through the verbs, write page and table. how: do, workers, retry, timeout, memory
-    and keep, as the command line has them."""
+    """Take the recordings through the verbs, write page and table. how: do, workers, retry, timeout, memory,
+    keep, backend and address, as the command line has them."""
     if page:
         return _told(out, _as_it_is(out))
     given.settings(named(SETTINGS["reconstruct"]), config, set)  # refuses what is none
     options = [*(["--config", str(config.resolve())] if config else []), *(f"--set={s}" for s in set)]
-    verbs, memory = how.pop("do"), 1000 * how.pop("memory")
-    settings = Settings(verbs, tuple(options), memory_mb=memory, **how)
+    verbs, memory, ray = how.pop("do"), 1000 * how.pop("memory"), how.pop("backend") == "ray"
+    if how["address"] and not ray:
+        raise InputError(f"--address {how['address']} is of a Ray cluster", "give --backend ray too")
+    settings = Settings(verbs, tuple(options), memory_mb=memory, ray=ray, **how)
     units = every_nth(units_of(recordings), shard)
     if not units:
         raise InputError(

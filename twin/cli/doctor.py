@@ -35,6 +35,7 @@ EXTRAS = {
     "clustering": "motion clustering as in the paper, asked only by `--set motion.method=clusters`",
     "lerobot": "trajectories as LeRobot datasets",
     "record3d": "Record3D's .r3d files and its EXR export",
+    "fleet": "many recordings as tasks of a Ray cluster",
     "rerun": "the twin and its recording as a Rerun file",
     "ros": "ROS bags, MCAP files and RealSense recordings",
     "vlm": "masses estimated by a vision-language model, asked only by `twin physics estimate`",
