@@ -18,6 +18,7 @@ from recon.annotation.seen import Seen
 from recon.annotation.solve import Annotated, annotated
 from recon.annotation.truth_folder import write_truth
 from twin.errors import FuntwinError, InputError
+from twin.runs.run_lock import claimed
 from twin.view.local import HTML, JPEG, JSON, Act, Answer, LocalServer, answering
 
 _HERE = Path(__file__).parent
@@ -42,6 +43,7 @@ class Server(LocalServer):
             text = (_HERE / "page.html").read_text(encoding="utf-8").replace("/* annotate.js */", script)
             return Answer(text.encode(), HTML)
         if path == "marks":
+            self.marks = read_marks(self.file, self.seen.recording)
             return Answer(json.dumps(self.state).encode(), JSON)
         match = _FRAME.fullmatch(path)
         if match is None or int(match[1]) >= len(self.seen.recording):
@@ -76,11 +78,19 @@ class Server(LocalServer):
         return self._keep(list(self.marks.rows[:-1]))
 
     def _keep(self, rows: list[Mark]) -> dict[str, Any]:
-        with self.writing:
-            marks = marks_of(rows, self.seen.recording)
+        marks = marks_of(rows, self.seen.recording)
+        with self._writing():
             write_marks(self.file, marks, self.seen.recording)
             self.marks = marks
         return {"marks": [m.row for m in marks.rows]}
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """The folder for this process alone. Raises InputError where another one works on it or did so."""
+        with self.writing, claimed(self.file.parent):
+            if read_marks(self.file, self.seen.recording).rows != self.marks.rows:
+                raise InputError("another page made marks meanwhile", "reload this one")
+            yield
 
     def _solve(self, told: Mapping[str, Any]) -> dict[str, Any]:
         for part in self.marks.parts:
@@ -89,7 +99,7 @@ class Server(LocalServer):
         raise InputError(f"there is no part {told.get('part', '')!r:.60}", "add it first")
 
     def _write(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        with self.writing:
+        with self._writing():
             parts = solved(self.seen, self.marks)
             folder = write_truth(self.truth, self.seen, self.marks, parts)
         return {"truth": str(folder), "notes": [f"{p.marks.name}: {n}" for p in parts for n in p.notes]}

@@ -46,6 +46,16 @@ def test_marks_are_kept_and_taken_back(server: Server, seen: Seen, tmp_path: Pat
     assert post(server, "solve", {"part": "drawer"})[0] == 409
 
 
+def test_two_pages_do_not_undo_each_other(server: Server, seen: Seen, tmp_path: Path) -> None:
+    with annotating(seen, tmp_path) as other:
+        assert post(server, "mark", MARKS[0].row)[1]["ok"]
+        status, told = post(other, "mark", {"part": "lid", "what": "part", "value": "hinge"})
+        assert (status, "reload" in told["error"]) == (409, True)
+        assert ask(other, "GET", f"/{other.token}/marks")[0] == 200
+        assert post(other, "mark", {"part": "lid", "what": "part", "value": "hinge"})[1]["ok"]
+        assert post(server, "undo", {})[0] == 409
+
+
 def at(tab: Tab, x: float, y: float) -> None:
     """Click a pixel of the recording in its picture."""
     tab.run(
