@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.makers.browser import browser
 from twin.batch import Batch, Settings, units_of, work
 from twin.batch.batch import State
 from twin.batch.journal import JOURNAL, append, latest
@@ -226,3 +227,25 @@ def test_by_the_command_line(tmp_path: Path, calls: Path, capsys: pytest.Capture
         assert twin_verb(["batch", *given, "-o", out, *wrong]) == 1
         assert why in capsys.readouterr().err
     assert twin_verb(["batch", str(tmp_path / "nothing"), "-o", out]) == 1
+
+
+def test_the_page_is_filtered_in_a_browser(tmp_path: Path) -> None:
+    state = go(recordings(tmp_path, "a", "poisoned", "doubtful"), tmp_path / "out")
+    page = write_page(tmp_path / "out", state)
+    with browser(tmp_path / "profile") as tab:
+        tab.size(390, 844)
+        tab.open(page.as_uri())
+        shown = "document.getElementById('shown').textContent"
+        assert tab.run(shown) == "3"
+        assert tab.run("document.documentElement.scrollWidth") <= 390
+        tab.run("document.querySelector('[data-level=failed]').click()")
+        assert tab.run(shown) == "1"
+        tab.run("document.querySelector('[data-level=failed]').click()")
+        tab.run("document.querySelector('[data-reason=AxisUnsure]').click()")
+        assert tab.run(shown) == "1"
+        tab.run("document.querySelector('[data-reason=AxisUnsure]').click()")
+        tab.run(
+            "(() => { const t = document.getElementById('text'); t.value = 'cut off'; t.dispatchEvent(new Event('input')); })()"
+        )
+        assert tab.run(shown) == "1"
+        assert tab.complaints == []
