@@ -14,7 +14,7 @@ from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
 
-LOOPS = Stage("loops", 1, ())
+LOOPS = Stage("loops", 2, ())
 PATH = Stage("path", 3, ())
 # s between two views of a place that make a loop: less is odometry's own.
 _LATER_S = 8.0

@@ -169,7 +169,9 @@ def register(a: Keyframe, b: Keyframe, camera: Intrinsics) -> Seen | None:
     if agree.sum() < _FEWEST:
         return None
     small = camera.binned(max(1, camera.width // WIDTH))
-    seen = (np.zeros(1, np.int64), (b.surface, b.normals, a.plane[None], small.vector), _no_tracks())
+    count = int(agree.sum())  # the matches hold a shift along a bare wall, of which depth tells nothing
+    matched = (np.zeros(count, np.int64), np.arange(count + 1), here[agree], there[agree], lateral)
+    seen = (np.zeros(1, np.int64), (b.surface, b.normals, a.plane[None], small.vector), matched)
     for gate, rounds in _GATES:
         pose = refine(pose, np.eye(4)[None], *seen, gate, rounds, 1e-5)
     u, _, vt = np.linalg.svd(pose[:3, :3])
@@ -177,11 +179,7 @@ def register(a: Keyframe, b: Keyframe, camera: Intrinsics) -> Seen | None:
     shares = (_agreement(a, b, pose, camera), _agreement(b, a, geo.invert_pose(pose), camera))
     if any(same < _SAME or through > _THROUGH for same, through in shares):
         return None
-    return Seen(a.frame, b.frame, pose, int(agree.sum()), min(same for same, _ in shares))
-
-
-def _no_tracks() -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array, float]:
-    return np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros((0, 3)), np.zeros((0, 3)), 0.0
+    return Seen(a.frame, b.frame, pose, count, min(same for same, _ in shares))
 
 
 def _matches(a: F32, b: F32) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -33,7 +33,7 @@ from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
-CAMERAS = Stage("cameras", 5, ("cameras",))
+CAMERAS = Stage("cameras", 6, ("cameras",))
 SUBMAPS = Stage("submaps", 2, ("cameras",))
 _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
