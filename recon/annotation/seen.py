@@ -83,6 +83,8 @@ def surface_of(seen: Seen, part: PartMarks, joint: Joint, states: Array) -> Mesh
         a, b, c, d = corner[whole].T
         faces += [np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)]
         count += int(mask.sum())
+    if not count:
+        raise InputError(f"the outlines of {part.name} show no depth", "draw one in another frame")
     return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32))
 
 

@@ -17,7 +17,7 @@ from recon.annotation.overlay import overlay
 from recon.annotation.seen import Seen
 from recon.annotation.solve import Annotated, annotated
 from recon.annotation.truth_folder import write_truth
-from twin.errors import FuntwinError, InputError
+from twin.errors import InputError
 from twin.runs.run_lock import claimed
 from twin.view.local import HTML, JPEG, JSON, Act, Answer, LocalServer, answering
 
@@ -125,10 +125,7 @@ def seen_in(run: Path, recording: Any) -> Seen:
     from recon.pipeline import read_stage
     from twin.storage import load
 
-    try:
-        cameras = load(run).cameras
-    except FuntwinError:
-        cameras = None
+    cameras = load(run).cameras if (run / "twin" / "twin.json").is_file() else None
     return Seen(
         recording, read_stage(run, "tracks"), cameras or read_stage(run, "path"), read_stage(run, "noise")
     )

@@ -15,17 +15,13 @@ from typing import Any, Literal, Protocol
 from twin.batch.claims import PULSE, Claims
 from twin.batch.journal import append, latest
 from twin.batch.units import Unit
-from twin.batch.work import Limits, Work, machine_mb, row_of, slim
+from twin.batch.work import LOOK, SHARE, Limits, Work, machine_mb, row_of, slim
 from twin.errors import InputError
 
 Retry = Literal["", "failed", "doubtful", "all"]
 Keep = Literal["all", "exports", "twin"]
-# s between two looks at the processes. Chosen by us: a unit takes a minute or more.
-_LOOK = 0.2
 # s between two looks for units that another batch gave up. Chosen by us.
 _WAIT = 5.0
-# Share of the memory that the machine has to give, for all workers together. Chosen by us.
-_SHARE = 0.9
 
 
 @dataclass(frozen=True)
@@ -61,7 +57,7 @@ class Settings:
     @property
     def limits(self) -> Limits:
         """Of one unit of those that are worked on at a time."""
-        memory = self.memory_mb or _SHARE * machine_mb() / self.at_a_time
+        memory = self.memory_mb or SHARE * machine_mb() / self.at_a_time
         threads = max(1, len(os.sched_getaffinity(0)) // self.at_a_time)
         return Limits(self.timeout, memory, threads)
 
@@ -119,7 +115,9 @@ class Batch:
 
     def left(self) -> list[Unit]:
         """The units that are still to do."""
-        rows = latest(self.folder)
+        return self._left(latest(self.folder))
+
+    def _left(self, rows: dict[str, dict[str, Any]]) -> list[Unit]:
         return [u for u in self.units if not self._settled(rows.get(u.id))]
 
     def _settled(self, row: dict[str, Any] | None) -> bool:
@@ -167,7 +165,8 @@ class Batch:
         started = pulsed = time.monotonic()
         try:
             while True:
-                rows, left = latest(self.folder), self.left()
+                rows = latest(self.folder)
+                left = self._left(rows)
                 ours = {w.unit.id for w in works}
                 for unit in [u for u in left if u.id not in ours]:
                     if len(works) >= room:
@@ -182,7 +181,7 @@ class Batch:
                 share = spent / done_here if done_here else None
                 told(self._state(rows, works, None if share is None else share * waiting))
                 if not works and not left:
-                    return self._state(latest(self.folder), [], 0.0)
+                    return self._state(rows, [], 0.0)
                 until = time.monotonic() + (_WAIT if not works else _WAIT / 2)
                 while time.monotonic() < until:
                     ended = [w for w in works if not w.step()]
@@ -195,7 +194,7 @@ class Batch:
                         works = [w for w in works if self._still_ours(w)]
                     if ended:
                         break
-                    time.sleep(_LOOK)
+                    time.sleep(LOOK)
         finally:
             for work in works:
                 work.stop()

@@ -13,6 +13,8 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
+from twin.files.text import read_json
+
 # s between two signs of life, and after which a claim without one is dead. Chosen by us: a network file
 # system may show a file's time some seconds late.
 PULSE, DEAD = 10.0, 60.0
@@ -31,13 +33,18 @@ class Claims:
         path = self._path(unit)
         if self._made(path):
             return True
-        age = self._age(path)
+        seen, age = read_json(path).get("by"), self._age(path)
         if age is not None and age < DEAD and not self._left_behind(path):
             return False
-        # Of those who see it dead one can move it away; a live one that was slow finds its claim gone.
-        with suppress(OSError):
-            path.rename(self.folder / f".{unit}.{self.me}.dead")
-            (self.folder / f".{unit}.{self.me}.dead").unlink()
+        moved = self.folder / f".{unit}.{self.me}.dead"
+        with suppress(OSError):  # of those who see it dead one can move it away
+            path.rename(moved)
+            slow = read_json(moved).get("by") != seen  # another one took it over before: it gets it back
+            if slow:
+                path.hardlink_to(moved)
+            moved.unlink()
+            if slow:
+                return False
         return self._made(path)
 
     def pulse(self, unit: str) -> bool:
@@ -83,16 +90,9 @@ class Claims:
 
     def _left_behind(self, path: Path) -> bool:
         """Whether its maker was a process of this machine that is gone."""
-        told = self._told(path)
+        told = read_json(path)
         pid = told.get("pid")
         return told.get("host") == self.host and isinstance(pid, int) and not Path(f"/proc/{pid}").exists()
 
     def _mine(self, path: Path) -> bool:
-        return self._told(path).get("by") == self.me
-
-    def _told(self, path: Path) -> dict[str, object]:
-        try:
-            told = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return told if isinstance(told, dict) else {}
+        return read_json(path).get("by") == self.me

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import cache
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
+from scipy.stats import binomtest
+
 from twin.batch.batch import State
-from twin.files.text import write_text
+from twin.batch.table import parts_of
+from twin.files.text import read_json, write_text
+from twin.page.template import template
 
 INDEX = "index.html"
 _LEVELS = ("trusted", "doubtful", "refused", "failed", "working", "waiting")
-_Z = 1.959964  # of a 95 % interval
 
 
 def write_page(folder: Path, state: State) -> Path:
@@ -30,7 +30,7 @@ def write_page(folder: Path, state: State) -> Path:
         "totals": _totals(folder, rows),
         "left": None if state.seconds_left is None or state.done == len(cards) else _time(state.seconds_left),
     }
-    write_text(folder / INDEX, str(_template().render(context)))
+    write_text(folder / INDEX, str(template(Path(__file__).parent / "index.html.j2").render(context)))
     return folder / INDEX
 
 
@@ -57,7 +57,7 @@ def _card(folder: Path, unit: str, source: str, state: State) -> dict[str, Any]:
             "memory": "",
         }
     pictures = sorted((run / "report").glob("frame_*.jpg"))
-    twin = _twin(run) if row.get("verdict") else {}
+    twin = read_json(run / "twin" / "twin.json") if row.get("verdict") else {}
     return {
         **base,
         "level": "failed" if row["exit"] == 1 else row.get("verdict") or "failed",
@@ -82,18 +82,8 @@ def _part(part: Mapping[str, Any]) -> str:
     )
 
 
-def _twin(run: Path) -> dict[str, Any]:
-    try:
-        told: dict[str, Any] = json.loads((run / "twin" / "twin.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return told
-
-
 def _totals(folder: Path, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
     """Rates with their intervals, and sums."""
-    from twin.batch.table import parts_of
-
     parts = [p for r in rows for p in parts_of(folder, r)]
     found = [p for p in parts if p.get("part")]
     true = [p for p in parts if p.get("true_part")]
@@ -114,11 +104,8 @@ def rate(good: int, of: int) -> str:
     """A share with its Wilson 95 % interval."""
     if not of:
         return "-"
-    p = good / of
-    middle = (p + _Z**2 / (2 * of)) / (1 + _Z**2 / of)
-    half = _Z * sqrt(p * (1 - p) / of + _Z**2 / (4 * of**2)) / (1 + _Z**2 / of)
-    low, high = max(0.0, middle - half), min(1.0, middle + half)
-    return f"{good}/{of} = {100 * p:.0f} % [{100 * low:.0f}-{100 * high:.0f}]"
+    low, high = binomtest(good, of).proportion_ci(method="wilson")
+    return f"{good}/{of} = {100 * good / of:.0f} % [{100 * low:.0f}-{100 * high:.0f}]"
 
 
 def _time(seconds: float) -> str:
@@ -127,17 +114,3 @@ def _time(seconds: float) -> str:
     if seconds < 5400:
         return f"{seconds / 60:.0f} min"
     return f"{seconds / 3600:.1f} h"
-
-
-@cache
-def _template() -> Any:
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("index.html.j2")

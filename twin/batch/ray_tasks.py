@@ -19,7 +19,7 @@ from typing import Any
 
 from twin import interrupt
 from twin.batch.units import Unit
-from twin.batch.work import Limits, Work, machine_mb, row_of
+from twin.batch.work import LOOK, SHARE, Limits, Work, machine_mb, row_of
 from twin.errors import InputError, MissingDependencyError
 from twin.packages import to_install
 
@@ -29,8 +29,6 @@ _CLIP_MB = 1500.0
 _AGAIN = 2
 # Tasks that Ray ended for memory are begun again so often, as others may have taken it.
 _AGAIN_AFTER_MEMORY = 1
-_LOOK = 0.2  # s between two looks at a process
-_SHARE = 0.9  # of a node's memory, for all tasks on it together
 
 
 @dataclass
@@ -142,11 +140,11 @@ def _carried_out(work: Work, settings: str) -> dict[str, Any]:
     limits = work.limits
     if not limits.memory_mb:
         share = limits.threads / len(os.sched_getaffinity(0))
-        limits = Limits(limits.seconds, _SHARE * machine_mb() * min(1.0, share), limits.threads)
+        limits = Limits(limits.seconds, SHARE * machine_mb() * min(1.0, share), limits.threads)
     here = Work(work.unit, work.folder, work.verbs, work.options, limits, work.program)
     try:
         while here.step():
-            time.sleep(_LOOK)
+            time.sleep(LOOK)
     finally:
         here.stop()
     return row_of(here, settings, socket.gethostname())

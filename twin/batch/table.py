@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from twin.files.text import write_text
+from twin.files.text import read_json, write_text
 
 TABLE = "parts.csv"
 _NUMBERS = (
@@ -46,7 +45,7 @@ def parts_of(folder: Path, row: Mapping[str, Any]) -> list[dict[str, Any]]:
     head = {"id": row["id"], "recording": row.get("recording", "")}
     measured = _measured(folder / "logs" / row["id"] / "evaluate.json")
     out = []
-    for part in _read(run / "twin" / "twin.json").get("parts", []):
+    for part in read_json(run / "twin" / "twin.json").get("parts", []):
         true = next((k for k, m in measured.items() if m.get("found") == part["name"]), "")
         told = {k: v for k, v in measured.get(true, {}).items() if k != "found"}
         out.append({**head, **_numbers(part), "true_part": true, **told})
@@ -77,7 +76,7 @@ def _numbers(part: Mapping[str, Any]) -> dict[str, Any]:
 def _measured(evaluated: Path) -> dict[str, dict[str, Any]]:
     """Of each true part its measures, and `found`: the name of the part that stands for it."""
     told: dict[str, dict[str, Any]] = {}
-    evaluation = _read(evaluated)
+    evaluation = read_json(evaluated)
     for row in evaluation.get("rows", []):
         column = MEASURES.get(row["metric"])
         if column is not None and row["part"] not in ("scene", "all parts"):
@@ -85,11 +84,3 @@ def _measured(evaluated: Path) -> dict[str, dict[str, Any]]:
     for true, found in evaluation.get("matched", {}).items():
         told.setdefault(true, {})["found"] = found
     return told
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return told if isinstance(told, dict) else {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import shutil
 import signal
@@ -17,8 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from twin.batch.units import Unit
+from twin.files.text import read_json
 
 VERBS = ("reconstruct", "evaluate", "export", "check", "replay")
+LOOK = 0.2  # s between two looks at a process; a unit takes a minute or more
+SHARE = 0.9  # of the memory that a machine has to give, for all units on it together; chosen by us
 PROGRAM = (sys.executable, "-m", "twin")
 _PAGE_KB = os.sysconf("SC_PAGE_SIZE") / 1024
 _TAIL = 4000  # characters of what a process said that are looked at for its error
@@ -112,10 +114,7 @@ class Work:
         ]
 
     def _twin(self) -> dict[str, Any]:
-        try:
-            told = json.loads((self.run / "twin" / "twin.json").read_text(encoding="utf-8")).get("verdict")
-        except (OSError, ValueError):
-            return {}
+        told = read_json(self.run / "twin" / "twin.json").get("verdict")
         return told if isinstance(told, dict) else {}
 
     def _commands(self) -> dict[str, list[str]]:

@@ -41,17 +41,17 @@ def batch(
     if how["address"] and not ray:
         raise InputError(f"--address {how['address']} is of a Ray cluster", "give --backend ray too")
     settings = Settings(verbs, tuple(options), memory_mb=memory, ray=ray, **how)
-    units = every_nth(units_of(recordings), shard)
+    every = units_of(recordings)
+    units = every_nth(every, shard)
     if not units:
-        raise InputError(
-            f"shard {shard} of {len(units_of(recordings))} recordings is empty", "give fewer shards"
-        )
+        raise InputError(f"shard {shard} of {len(every)} recordings is empty", "give fewer shards")
     whole = Batch(units, out, settings)
     if dry_run:
         left = {u.id for u in whole.left()}
         rows = [[u.id, u.source, "to do" if u.id in left else "done"] for u in units]
         data = {"units": [{"id": u.id, "recording": u.source, "done": u.id not in left} for u in units]}
         return Outcome(data, [Table(f"{len(left)} of {len(units)} to do", ["id", "recording", ""], rows)])
+    shown: list[Any] = []
     with console.progress() as progress:
 
         def tell(state: State) -> None:
@@ -59,7 +59,9 @@ def batch(
             progress(
                 "batch", state.done / len(units), f"{state.done} of {len(units)}; {busy}" if busy else ""
             )
-            write_page(out, state)
+            if shown != [state.rows.keys()]:  # as units end; each page reads all their twins
+                shown[:] = [state.rows.keys()]
+                write_page(out, state)
 
         state = whole.go(tell)
     return _told(out, state)

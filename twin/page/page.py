@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from twin.files.text import read_json, write_text
 from twin.page.drawn import drawn_once
 from twin.page.facts import numbers, part_facts
 from twin.page.replays import replay_of
+from twin.page.template import template
 from twin.page.viewer import scene_document, scene_glb, scripts, three_js
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.pictures import jpeg, uri
@@ -122,21 +123,11 @@ def _of_twin(
 
 
 def _rendered(context: Mapping[str, Any]) -> str:
-    return str(_template().render({**context, "marks": MARKS, "snaps": tuple(SNAPS)}))
-
-
-@cache
-def _template() -> Any:
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    return str(
+        template(Path(__file__).parent / "page.html.j2").render(
+            {**context, "marks": MARKS, "snaps": tuple(SNAPS)}
+        )
     )
-    return environment.get_template("page.html.j2")
 
 
 def _edits(twin: Twin) -> list[str]:

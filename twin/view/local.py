@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import secrets
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ class Answer:
     status: int = 200
 
 
-class LocalServer(ThreadingHTTPServer):
+class LocalServer(ThreadingHTTPServer, ABC):
     """Gives pages and takes acts. port: 0 takes one that is free.
 
     Raises InputError for a port that is taken.
@@ -65,14 +66,14 @@ class LocalServer(ThreadingHTTPServer):
     def address(self) -> str:
         return f"http://{self.hosts[0]}/{self.token}/"
 
+    @abstractmethod
     def page(self, path: str) -> Answer | None:
         """What lies at a path behind the token, "" first; None where nothing does."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def acts(self) -> Mapping[str, Act]:
         """What may be asked for by POST: each takes an object of texts and gives one."""
-        raise NotImplementedError
 
     def end(self) -> None:
         """End what the server began."""

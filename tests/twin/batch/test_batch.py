@@ -16,12 +16,14 @@ import numpy as np
 import pytest
 
 from tests.makers.browser import browser
-from twin.batch import Batch, Settings, units_of, work
+from twin.batch import Batch, Settings, claims, units_of, work
 from twin.batch.batch import State
+from twin.batch.claims import Claims
 from twin.batch.journal import JOURNAL, append, latest
 from twin.batch.page import write_page
 from twin.batch.table import write_table
 from twin.cli.main import run as twin_verb
+from twin.files.text import read_json
 
 STAND_IN = Path(__file__).parent / "stand_in.py"
 ROOT = Path(__file__).parents[3]
@@ -116,7 +118,7 @@ DRIVER = """
 import sys
 from pathlib import Path
 from twin import interrupt
-from twin.batch import Batch, Settings, units_of, work
+from twin.batch import Batch, Settings, claims, units_of, work
 interrupt.handle()
 work.PROGRAM = (sys.executable, {stand_in!r}, {calls!r})
 try:
@@ -249,3 +251,23 @@ def test_the_page_is_filtered_in_a_browser(tmp_path: Path) -> None:
         )
         assert tab.run(shown) == "1"
         assert tab.complaints == []
+
+
+def test_a_dead_claim_is_taken_over_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dead, first, second = (Claims(tmp_path) for _ in range(3))
+    assert dead.take("a")
+    assert not first.take("a")  # it lives
+    os.utime(tmp_path / "claims" / "a.claim", (1.0, 1.0))
+    seen_dead = second._age(tmp_path / "claims" / "a.claim")
+    assert first.take("a")
+    assert not dead.pulse("a")
+    # one that saw it dead before the other took it over gives the live claim back
+    monkeypatch.setattr(second, "_age", lambda _: seen_dead)
+    monkeypatch.setattr(
+        claims, "read_json", lambda p: {"by": dead.me} if p.suffix == ".claim" else read_json(p)
+    )
+    assert not second.take("a")
+    monkeypatch.undo()
+    assert first.pulse("a")
+    first.release("a")
+    assert second.take("a")

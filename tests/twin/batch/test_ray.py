@@ -38,9 +38,7 @@ def test_ray_gives_the_bytes_of_processes_and_tells_what_fails(tmp_path: Path, c
     assert not list((tmp_path / "rayed" / "claims").iterdir())
 
 
-def test_a_cluster_that_is_not_there_is_told(
-    tmp_path: Path, calls: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_address_is_of_a_cluster(tmp_path: Path, calls: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = [*recordings(tmp_path, "a"), "-o", str(tmp_path / "out")]
     assert twin_verb(["batch", *given, "--address", "127.0.0.1:1"]) == 1
     assert "give --backend ray too" in capsys.readouterr().err
