@@ -24,8 +24,6 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
-# Cosine between a front's normal and a slide in the front's own plane. Chosen by us.
-_IN_PLANE = 0.5
 # Step of turning a hinge past an end: the edge of a 0.5 m front moves less than twice `gap`. Chosen by us.
 _TURN_STEP = np.radians(5.0)
 # A rim closer than this (m) to the static surface is flush with it: a panel and a joint gap; chosen by us
@@ -81,7 +79,7 @@ def find_closed_end(
     face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
     flush = flush_shares(surface, face, part.joint, ends, static, _GAP, _past(face, part.joint))
     along = float(face.normal @ part.joint.axis) if isinstance(part.joint, Prismatic) else 1.0
-    in_plane = abs(along) < _IN_PLANE
+    in_plane = part.slides_within(face.normal)
     cavity = [0.0, 0.0]
     for k in (0, 1) if in_plane else ():
         depth = _depth_behind(

@@ -24,8 +24,6 @@ from twin.scene import Trajectory
 _REACH_M = 0.1
 # Thickness of a board's surface: noise and errors of its states
 _SKIN = 0.012
-# Cosine between a board's normal and a slide in the board's own plane
-_IN_PLANE = 0.5
 # Thickness of a front: what a slide shows foremost
 _FRONT = 0.04
 # Least width and height of a front, of which half is there
@@ -88,10 +86,10 @@ def enclosed_by_parts(
 
 def _panel(part: MovingPart) -> list[F32]:
     """The board (m, 3) of what slides in its own plane, to either side; none of other parts."""
-    if part.board is None or part.joint.kind != "prismatic":
+    if part.board is None:
         return []
     normal, _ = plane_of(part.board)
-    if abs(float(normal @ part.joint.axis)) > _IN_PLANE:
+    if not part.slides_within(normal):
         return []
     return [(part.board + side * _SKIN * normal).astype(np.float32) for side in (-1.0, 1.0)]
 

@@ -14,6 +14,8 @@ from twin.scene import FIRST_PART_ID, Joint, Motion
 
 # rad and m by which a state is beyond others: more than those of frames between windows err by. Chosen by us.
 _BEYOND = {"revolute": float(np.radians(2.5)), "prismatic": 0.012}
+# Cosine between a face's normal and a slide in the face's own plane. Chosen by us.
+_IN_PLANE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,10 @@ class MovingPart:
         inside = np.logical_or.reduce([(frames >= a) & (frames <= b) for a, b in self.windows])
         low, high = state[inside].min() - beyond, state[inside].max() + beyond
         return state[inside | (state < low) | (state > high)]
+
+    def slides_within(self, normal: Array) -> bool:
+        """Whether it slides in the plane of a face of its with this normal (3,), as a sliding door does."""
+        return self.joint.kind == "prismatic" and abs(float(normal @ self.joint.axis)) < _IN_PLANE
 
     @property
     def is_somewhere(self) -> bool:

@@ -41,5 +41,10 @@ def find_front(
     normal, on = face
     members = square.copy()
     members[square] = on
-    across = (points[members] - points[members].mean(axis=0)) @ geo.orthogonal_basis(normal)[:, :2]
-    return FrontTie(members, normal, float(np.sqrt(12.0) * np.sqrt(np.mean(across**2))))
+    return FrontTie(members, normal, side_of(points[members], normal))
+
+
+def side_of(points: Array, normal: Array) -> float:
+    """Side, m, of the square over which points (n, 3) of a plane with this normal would spread as wide."""
+    across = (points - points.mean(axis=0)) @ geo.orthogonal_basis(normal)[:, :2]
+    return float(np.sqrt(12.0) * np.sqrt(np.mean(across**2)))

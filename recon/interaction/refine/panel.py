@@ -11,6 +11,7 @@ import numpy as np
 
 from recon.dense.noise import DepthNoise
 from recon.interaction.refine.board import MAX_RMS, MAX_TURN, MIN_SURFELS, flat_face
+from recon.interaction.refine.front import side_of
 from recon.interaction.refine.terms import PanelTie
 from twin import geometry as geo
 from twin.geometry import Array
@@ -47,8 +48,6 @@ def find_panel(
         return None, every
     normal, on = face
     points = points[near][on]
-    size = (points - points.mean(axis=0)) @ geo.orthogonal_basis(normal)[:, :2]
-    length = float(np.sqrt(12.0) * np.sqrt(np.mean(size**2)))
     across = geo.unit(np.cross(normal, start.axis))
-    tie = PanelTie(np.ones(len(points), bool), normal, length, across, states)
+    tie = PanelTie(np.ones(len(points), bool), normal, side_of(points, normal), across, states)
     return tie, (points, np.tile(normal, (len(points), 1)))
