@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +86,17 @@ class Staged(ABC):
         self._renderer = Renderer(self.camera, lights, config.samples, _LIGHT_SAMPLES, config.ambient_samples)
         self._first, self._last = window
         self._covered = np.zeros(len(cameras), dtype=bool) if covered is None else covered
+
+    def during(self, first: int, last: int) -> Self:
+        """The same of which only frames `first` to `last` of this recording are recorded.
+
+        Raises ValueError where it has no such frames.
+        """
+        if not 0 <= first < last < self.frames:
+            raise ValueError(f"frames {first} to {last} are none of {self.frames}")
+        out = copy(self)
+        out._first, out._last = self._first + first, self._first + last + 1
+        return out
 
     def covered(self, index: int) -> bool:
         """Whether something lies on the lens in frame `index`: no colour, no depth, no label."""

@@ -77,16 +77,17 @@ class WalkStage(Staged):
         return tuple(int(k) for k in every)
 
     def _truth_parts(self) -> tuple[TruthPart, ...]:
-        out, n = [], self.frames
+        out, a, b = [], self._first, self._last
         for k, part in enumerate(self.room.parts):
             mine = [(e, line) for e, line, _ in self.journey.acts if e.joint == part.name]
-            spans = [s for e, line in mine for s in line.segments(e.levels) if s[1] < n]
-            held = np.zeros(n, dtype=bool)
+            every = [s for e, line in mine for s in line.segments(e.levels)]
+            spans = tuple((first - a, last - a) for first, last in every if a <= first and last < b)
+            held = np.zeros(self._last, dtype=bool)
             for _, line in mine:
                 held[line.grasp : line.release + 1] = True
             grasp = self.room.grasps[part.name]
-            states = self._levels[part.name][:n]
-            out.append(TruthPart(PART_ID + k, part, grasp, states, tuple(spans), held))
+            states = self._levels[part.name][a:b]
+            out.append(TruthPart(PART_ID + k, part, grasp, states, spans, held[a:]))
         return tuple(out)
 
 

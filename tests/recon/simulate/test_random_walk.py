@@ -217,6 +217,26 @@ def test_an_arm_comes_from_behind_the_lens() -> None:
             assert present[act.line.grasp : act.line.release + 1].all()
 
 
+def test_some_frames_of_a_walk_have_the_truth_of_these_frames() -> None:
+    whole = walked(3).stage
+    act = whole.acts[1]
+    first, last = act.line.enter - 2, act.line.gone + 2
+    some, all_ = whole.during(first, last).truth(), whole.truth()
+    frames = slice(first, last + 1)
+    assert np.array_equal(some.cameras, all_.cameras[frames])
+    assert np.array_equal(some.keypoints, all_.keypoints[frames])
+    for part, known in zip(some.parts, all_.parts, strict=True):
+        assert np.array_equal(part.states, known.states[frames])
+        assert np.array_equal(part.held, known.held[frames])
+        inside = [(a - first, b - first) for a, b in known.segments if a >= first and b <= last]
+        assert list(part.segments) == inside
+    assert {p.part.name for p in some.parts if p.segments} == {act.scene.name}
+    again = whole.during(first, last).during(2, 5)
+    assert np.array_equal(again.truth().cameras, all_.cameras[first + 2 : first + 6])
+    with pytest.raises(ValueError, match="none of"):
+        whole.during(0, whole.frames)
+
+
 @pytest.mark.usefixtures("rendering")
 def test_labels_are_where_the_moved_meshes_are() -> None:
     stage = random_walk(3, PLAIN, settings=SMALL).stage
