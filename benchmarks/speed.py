@@ -40,11 +40,14 @@ class Cost:
     stages: dict[str, float]
 
 
-def measured(recording: Path) -> Cost:
-    """One reconstruction. Raises CalledProcessError where it fails; a verdict other than trusted is none."""
+def measured(recording: Path, *words: str) -> Cost:
+    """One reconstruction, with further words of the command line.
+
+    Raises CalledProcessError where it fails; a verdict other than trusted is none.
+    """
     with tempfile.TemporaryDirectory(prefix="speed") as place:
         run = Path(place) / "run"
-        command = [sys.executable, "-m", "twin", "reconstruct", str(recording), "-o", str(run)]
+        command = [sys.executable, "-m", "twin", "reconstruct", str(recording), "-o", str(run), *words]
         start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
