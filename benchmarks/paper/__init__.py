@@ -1,0 +1,1 @@
+"""The paper's tables on recordings of ours: see `__main__`."""
