@@ -27,11 +27,12 @@ from twin.lint.xml import read_xml
 
 _LOG = logging.getLogger(__name__)
 SHOWN = 2  # geom groups up to this one are drawn by default; published models keep what touches in group 3
-_WORN = {
+# kinds of geoms that links are drawn by
+DRAWABLE = {
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{k}"))
     for k in ("MESH", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX")
 }
-_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _ROOM = 0.1  # m, to either side of its zero: of a slide without limits
 
 
@@ -121,7 +122,7 @@ def _visuals(model: mujoco.MjModel, looks: Looks) -> dict[str, list[int]]:
                 f"its body {body!r} has visuals, and [looks] does not say who wears them",
                 "name it in looks.bodies or in looks.left_out",
             )
-        if model.geom_type[g] not in _WORN:
+        if model.geom_type[g] not in DRAWABLE:
             kind = mujoco.mjtGeom(int(model.geom_type[g])).name.removeprefix("mjGEOM_").lower()
             raise InputError(f"its body {body!r} is drawn by a {kind}, which can't be worn")
         found.setdefault(body, []).append(g)
@@ -146,7 +147,7 @@ def _pair(ours: mujoco.MjModel, theirs: mujoco.MjModel, spec: RobotSpec, looks: 
             f"looks.hold names {theirs.joint(joint).name!r}, which moves with ours", "leave it out there"
         )
     _require_known(theirs, other, their_anchor, {*shared.values(), *hold})
-    scalar = [j for j in range(ours.njnt) if ours.jnt_type[j] in _SCALAR]
+    scalar = [j for j in range(ours.njnt) if ours.jnt_type[j] in SCALAR]
     joints = [*shared, *(j for j in scalar if j not in shared)]
     home = ours.qpos0[ours.jnt_qposadr[joints]].copy()
     for name, state in zip(spec.arm_joints, spec.home, strict=True):
@@ -177,7 +178,7 @@ def _shared_joints(ours: mujoco.MjModel, theirs: mujoco.MjModel, looks: Looks) -
             k = _id(theirs, mujoco.mjtObj.mjOBJ_JOINT, looks.joints[name], "it")
         else:
             k = mujoco.mj_name2id(theirs, mujoco.mjtObj.mjOBJ_JOINT, name)
-        if k < 0 or ours.jnt_type[j] not in _SCALAR:
+        if k < 0 or ours.jnt_type[j] not in SCALAR:
             continue
         if ours.jnt_type[j] != theirs.jnt_type[k]:
             raise InputError(
@@ -191,7 +192,7 @@ def _require_known(model: mujoco.MjModel, worn: list[int], anchor: int, known: s
     """Refuse a joint of theirs between the anchor and a worn body that nobody gives a state."""
     below = {b for body in worn for b in _up(model, body)} - set(_up(model, anchor))
     for j in range(model.njnt):
-        if model.jnt_bodyid[j] in below and model.jnt_type[j] in _SCALAR and j not in known:
+        if model.jnt_bodyid[j] in below and model.jnt_type[j] in SCALAR and j not in known:
             name = model.joint(j).name
             raise InputError(
                 f"its joint {name!r} is none of ours", f"say where it stands, such as looks.hold.{name} = 0.0"

@@ -26,6 +26,7 @@ from robots.simulation.impedance import EVERY, Impedance
 from robots.simulation.record import Contact, Record
 from robots.simulation.report import ReplayReport, measure
 from robots.simulation.scene_files import write_scene
+from robots.simulation.shown import Moments, write_shown
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError
@@ -34,7 +35,7 @@ from twin.files.paths import AnyPath
 from twin.files.text import write_json
 from twin.geometry import Array
 from twin.runs.progress import shows_bar
-from twin.scene import Twin
+from twin.scene import Part, Twin
 
 _LOG = logging.getLogger(__name__)
 FILM = "replay.mp4"
@@ -56,8 +57,9 @@ def replay(
 
     Args:
         twin: the one that was planned for.
-        out: folder for trajectory.json, trajectory.npz, report.json, replay.mp4 and scene.xml with assets/
-            (usually RUN/replay/<robot>/<part>), which change at once; nothing is written without it.
+        out: folder for trajectory.json, trajectory.npz, report.json, replay.mp4, scene.xml with assets/, and
+            motion.json and robot.glb for the page (usually RUN/replay/<robot>/<part>), which change at once;
+            nothing is written without it.
         robot: name or robot file when it is not the trajectory's own name.
         video: write replay.mp4.
         demonstration: the recording's frames; the film shows the person beside the robot, at the same state.
@@ -68,6 +70,7 @@ def replay(
     """
     config = config or ReplayConfig()
     out = None if out is None else Path(out).resolve()
+    found = twin
     twin, part = as_handled(twin, trajectory.part_id)
     spec = resolve(robot or trajectory.robot)
     if spec.arm_joints != trajectory.joint_names:
@@ -80,7 +83,8 @@ def replay(
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None
     )
-    record, frames = simulate(world, trajectory, config)
+    moments = Moments()
+    record, frames = simulate(world, trajectory, config, moments.see)
     wall = time.perf_counter() - started
     if out is None:
         return measure(record, trajectory, part, spec, wall, None)
@@ -89,19 +93,31 @@ def replay(
             (staged / "trajectory.json").write_bytes(native.json_bytes(trajectory, part))
             (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory, part))
             write_scene(staged, twin, spec, trajectory)
-            film = staged / FILM if video else None
-            if film is not None:
-                from robots.film.video import write_video
-
-                seen = _film_world(world, twin, trajectory)
-                if not write_video(film, seen, trajectory, part, frames, config, demonstration):
-                    film = None
-            report = measure(record, trajectory, part, spec, wall, None if film is None else film.name)
+            film = staged / FILM
+            shot = video and _filmed(film, (world, twin, part), trajectory, frames, config, demonstration)
+            report = measure(record, trajectory, part, spec, wall, film.name if shot else None)
             write_json(staged / "report.json", report.to_json())
+            write_shown(staged, world, (found, twin), moments, report)
             put(staged, out, contents(staged))
     except OSError as e:
         raise InputError(f"{out} can't be written ({e.strerror})", "choose another output folder") from e
     return report
+
+
+def _filmed(
+    path: Path,
+    scene: tuple[World, Twin, Part],
+    trajectory: RobotTrajectory,
+    frames: Array,
+    config: ReplayConfig,
+    demonstration: Demonstration | None,
+) -> bool:
+    """Write the film of a scene: its world, twin and the part that moves; False where nothing can draw."""
+    from robots.film.video import write_video
+
+    world, twin, part = scene
+    seen = _film_world(world, twin, trajectory)
+    return write_video(path, seen, trajectory, part, frames, config, demonstration)
 
 
 def _film_world(world: World, twin: Twin, trajectory: RobotTrajectory) -> World:
