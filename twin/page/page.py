@@ -15,7 +15,7 @@ from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
 from twin.page.drawn import drawn_once
 from twin.page.facts import numbers, part_facts
-from twin.page.replays import replay_of
+from twin.page.replays import Replays, replay_of, replays_of
 from twin.page.template import template
 from twin.page.viewer import scene_document, scene_glb, scripts, three_js
 from twin.report.frames import Image, drawn_key_frames, part_color
@@ -71,9 +71,10 @@ def html(run: Path, live: bool = False) -> str:
     twin = load(run) if (run / "twin" / "twin.json").is_file() else None
     key = twin_key(run)
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
+    replays = replays_of(run, twin) if twin else Replays()
     context = {
         "name": twin.name if twin else run.resolve().name,
-        **(_twin_of_run(run, twin, live) if twin else _NO_TWIN),
+        **(_twin_of_run(run, twin, live, replays) if twin else _NO_TWIN),
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
@@ -91,11 +92,11 @@ def html_of(twin: Twin) -> str:
     return _rendered({"name": twin.name, **_of_twin(twin, {"plots": {}}, scene, []), **_NO_RUN})
 
 
-def _twin_of_run(run: Path, twin: Twin, live: bool) -> dict[str, Any]:
+def _twin_of_run(run: Path, twin: Twin, live: bool, replays: Replays) -> dict[str, Any]:
     pictures = drawn_once(run, twin, _drawn)
     glb = drawn_once(run, twin, _glb, "scene")["glb"]
     key_frames = [(k, jpeg(image)) for k, image in drawn_key_frames(run, twin)]
-    scene = _scene(run, twin, glb, live) if glb else None
+    scene = _scene(run, twin, glb, live, replays) if glb else None
     return _of_twin(twin, pictures, scene, key_frames) | {"live": live and scene is not None}
 
 
@@ -167,11 +168,17 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _scene(run: Path | None, twin: Twin, glb: str, live: bool = False) -> dict[str, Any]:
+def _scene(
+    run: Path | None, twin: Twin, glb: str, live: bool = False, replays: Replays | None = None
+) -> dict[str, Any]:
     """What the page's scripts draw."""
-    told = scene_document(run, twin)
+    replays = replays or Replays()
+    told = scene_document(run, twin, replays.told)
     layers = [(name, text, name in _SHOWN) for name, text in _LAYERS.items()]
-    return {"glb": glb, "told": told, "three": three_js(), "scripts": scripts(live), "layers": layers}
+    return {
+        "glb": glb, "told": told, "three": three_js(), "scripts": scripts(live), "layers": layers,
+        "robots": replays.robots, "earlier": replays.earlier,
+    }  # fmt: skip
 
 
 def _drawn(twin: Twin) -> dict[str, Any]:

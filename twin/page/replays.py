@@ -1,18 +1,69 @@
-"""What the page shows of a robot's replay: pictures, film, and what happened in each phase."""
+"""What the page shows of a robot's replay: its motion in the scene, pictures, film, and what happened in each
+phase."""
 
 from __future__ import annotations
 
+import base64
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from twin.files.text import read_json
 from twin.report.pictures import jpeg, uri
 from twin.report.plots import FILM_LIMIT, film_pictures
+from twin.report.replayed import LINKS, Replayed, is_of, load_replayed, rounded
 from twin.report.sections import Table
+from twin.scene import Twin
 
 PHASE_COLUMNS = (
     "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Replays:
+    """What the scene shows of a run's replays.
+
+    told: of each, what the scripts play. robots: .glb files in base64, each once, by the number that `told`
+    has. earlier: titles of those that were played with another twin, which the scene does not show.
+    """
+
+    told: tuple[dict[str, Any], ...] = ()
+    robots: tuple[str, ...] = ()
+    earlier: tuple[str, ...] = ()
+
+
+def replays_of(run: Path, twin: Twin) -> Replays:
+    """The replays of a run that say what the robot did; one of an earlier version left its film alone.
+
+    Raises InputError for a damaged one.
+    """
+    told: list[dict[str, Any]] = []
+    robots: dict[str, int] = {}
+    earlier: list[str] = []
+    for folder in sorted(p for p in (run / "replay").glob("*/*") if p.is_dir()):
+        replayed = load_replayed(folder)
+        if replayed is None:
+            continue
+        if not is_of(replayed, twin):
+            earlier.append(replayed.title)
+            continue
+        glb = base64.b64encode((folder / LINKS).read_bytes()).decode()
+        told.append({**_motion(replayed), "robot": robots.setdefault(glb, len(robots))})
+    return Replays(tuple(told), tuple(robots), tuple(earlier))
+
+
+def _motion(replayed: Replayed) -> dict[str, Any]:
+    return {
+        "title": replayed.title,
+        "times": rounded(replayed.times),
+        "states": {k: rounded(v) for k, v in replayed.states.items()},
+        "links": {
+            k: {"positions": rounded(at), "quaternions": rounded(turn)}
+            for k, (at, turn) in replayed.links.items()
+        },
+        "column": replayed.column,
+    }
 
 
 def replay_of(run: Path, film: Path) -> dict[str, Any]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import base64
 import zipfile
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.completion.asset import AssetView
@@ -17,18 +17,17 @@ from twin.errors import SceneError
 from twin.exporters.asset import AssetInfo
 from twin.exporters.glb import glb
 from twin.exporters.tree import build_tree, link_origin, started
-from twin.geometry import Array
 from twin.report.film import film
 from twin.report.frames import axis_line, part_color
 from twin.report.plots import unit
+from twin.report.replayed import rounded
 from twin.report.views import View, overview, part_view
 from twin.scene import Part, Twin
 
-_SCRIPTS = ("orbit.js", "scene.js", "measure.js", "clock.js", "viewer.js")
+_SCRIPTS = ("orbit.js", "scene.js", "measure.js", "clock.js", "replays.js", "viewer.js")
 _LIVE = ("edits.js", "say.js")
 _AS_RECORDED = AssetView("complete", "keep", "camera")
 _LAST = "THREE.GLTFLoader=GLTFLoader;})();"  # of the library in trimesh's page; its own code follows
-_DIGITS = 5  # of metres and quaternions: a hundredth of a millimetre
 # of a picture for a screen that is wider than high; only the direction of view is taken
 _ASPECT = (640, 480)
 _NEAREST = 0.3  # m from the eye to what it turns about; chosen by us
@@ -46,14 +45,15 @@ def scene_glb(twin: Twin) -> str:
     return base64.b64encode(glb(build_tree(ready), AssetInfo(), light=True, shapes=True)).decode()
 
 
-def scene_document(run: Path | None, twin: Twin) -> dict[str, Any]:
-    """What the scripts play, JSON types: parts with states, cameras, film and the first view. Lengths in m,
-    angles in rad, times in s from the first camera."""
+def scene_document(run: Path | None, twin: Twin, replays: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
+    """What the scripts play, JSON types: parts with states, cameras, film, replays and the first view.
+    Lengths in m, angles in rad, times in s from the first camera, those of a replay from its begin."""
     start = started(twin)
     return {
         "parts": [_part(p, start) for p in twin.parts],
         "cameras": _cameras(twin, start),
         "film": film(run, twin, start) if run is not None else {"frames": []},
+        "replays": list(replays),
         "view": _view(
             part_view(twin, twin.parts, *_ASPECT) if twin.parts else overview(twin, *_ASPECT), twin
         ),
@@ -70,14 +70,14 @@ def _part(part: Part, start: float) -> dict[str, Any]:
         "scale": 180.0 / np.pi if joint.kind == "revolute" else 1000.0,
         "lower": joint.lower,
         "upper": joint.upper,
-        "times": _rounded(motion.times - start),
-        "states": _rounded(motion.state),
-        "axis": _rounded(axis_line(part) + to_link),
+        "times": rounded(motion.times - start),
+        "states": rounded(motion.state),
+        "axis": rounded(axis_line(part) + to_link),
     }
     if part.contact is not None:
         held = np.isin(motion.frames, part.contact.frames)
-        told["contact"] = _rounded(part.contact.point + to_link)
-        told["held"] = _rounded((motion.times - start)[held])
+        told["contact"] = rounded(part.contact.point + to_link)
+        told["held"] = rounded((motion.times - start)[held])
     return told
 
 
@@ -86,9 +86,9 @@ def _cameras(twin: Twin, start: float) -> dict[str, Any]:
         return {}
     poses = twin.cameras.T_world_cam
     return {
-        "times": _rounded(twin.cameras.times - start),
-        "positions": _rounded(poses[:, :3, 3]),
-        "quaternions": _rounded(np.roll(geo.quat_wxyz_from_matrix(poses[:, :3, :3]), -1, axis=-1)),
+        "times": rounded(twin.cameras.times - start),
+        "positions": rounded(poses[:, :3, 3]),
+        "quaternions": rounded(np.roll(geo.quat_wxyz_from_matrix(poses[:, :3, :3]), -1, axis=-1)),
     }
 
 
@@ -99,14 +99,10 @@ def _view(view: View, twin: Twin) -> dict[str, Any]:
     distance = max([float((np.mean(middles, axis=0) - eye) @ forward) if middles else 0.0, _NEAREST])
     upright = 2.0 * np.arctan(_WIDER * np.tan(view.fov / 2) * view.height / view.width)
     return {
-        "eye": _rounded(eye),
-        "target": _rounded(eye + distance * forward),
+        "eye": rounded(eye),
+        "target": rounded(eye + distance * forward),
         "fov": round(float(np.rad2deg(upright)), 3),
     }
-
-
-def _rounded(values: Array | NDArray[np.float64]) -> Any:
-    return (np.round(np.asarray(values, np.float64), _DIGITS) + 0.0).tolist()
 
 
 @cache

@@ -1,14 +1,14 @@
-// The recording's time: a slider, a button that plays, and the film's picture of that moment.
+// The time of what is played, a recording or a replay: a slider, a button that plays, and the film's picture.
 "use strict";
 
 class Clock {
-  // set: is called with the time in s
+  // set: is called with the time of the recording in s
   constructor(told, element, set) {
     this.film = told.film.frames || [];
     this.labelled = this.film.filter((f) => f.labels);
     const times = [...(told.cameras.times || []), ...told.parts.flatMap((p) => p.times)];
-    this.end = times.length ? Math.max(...times) : 0;
-    this.set = set;
+    this.recording = { end: times.length ? Math.max(...times) : 0, wanted: 0, film: true, set };
+    this.track = this.recording;
     this.slider = element.querySelector("input[name=time]");
     this.button = element.querySelector("button");
     this.output = element.querySelector("output");
@@ -16,20 +16,30 @@ class Clock {
     this.labels = document.querySelector("#film .labels");
     this.caption = document.querySelector("#film figcaption span");
     this.drawn = document.querySelector("#film input");
-    this.slider.max = this.end;
+    this.slider.max = this.track.end;
     this.slider.addEventListener("input", () => { this.play(false); this.go(Number(this.slider.value)); });
     this.button.addEventListener("click", () => this.play(!this.playing));
     if (this.drawn) this.drawn.addEventListener("change", () => this.go(this.wanted));
   }
 
+  // What is played from now on, from where it stood: { end, wanted, film, set }
+  follow(track) {
+    this.play(false);
+    this.track = track;
+    this.slider.max = track.end;
+    this.go(track.wanted);
+  }
+
+  get wanted() { return this.track.wanted; }
+
   // Where there is a film, the scene stands at the time of the picture beside it
   go(time) {
-    this.wanted = Math.min(Math.max(time, 0), this.end);
-    const frame = this.frame();
+    this.track.wanted = Math.min(Math.max(time, 0), this.track.end);
+    const frame = this.track.film ? this.frame() : null;
     this.time = frame ? frame.time : this.wanted;
     this.slider.value = this.wanted;
     this.output.textContent = `${this.time.toFixed(2)} s`;
-    this.set(this.time);
+    this.track.set(this.time);
   }
 
   play(on) {
@@ -42,7 +52,7 @@ class Clock {
       if (!this.playing) return;
       const next = this.wanted + (now - before) / 1000;
       before = now;
-      this.go(next > this.end ? 0 : next);
+      this.go(next > this.track.end ? 0 : next);
       requestAnimationFrame(step);
     };
     requestAnimationFrame(step);

@@ -12,7 +12,7 @@
     if (funtwin.scene) { // else pictures stand in for it
       const { camera, orbit, clock } = funtwin;
       const open = [...document.querySelectorAll(".editor[open]")].map((e) => e.closest(".joint").dataset.part);
-      Object.assign(view, { eye: camera.position.toArray(), target: orbit.target.toArray(), time: clock.wanted, open });
+      Object.assign(view, { eye: camera.position.toArray(), target: orbit.target.toArray(), time: clock.recording.wanted, open });
     }
     sessionStorage.setItem(kept, JSON.stringify(view));
     location.reload();

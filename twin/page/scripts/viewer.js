@@ -31,7 +31,7 @@ function bySoftware() {
   const camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.02, 200);
   camera.up.set(0, 0, 1);
   const lamp = new THREE.DirectionalLight(0xffffff, 0.35); // at the eye, so that edges show
-  let scene = null;
+  let [scene, replays] = [null, null];
   let asked = false;
   const draw = () => {
     if (!scene) return;
@@ -39,7 +39,15 @@ function bySoftware() {
     renderer.render(scene.root, camera);
   };
   // While something moves and drawings come late, they have half as many pixels a side; at rest all
-  let [drawn, late, still] = [0, 0, 0];
+  let [drawn, late, resting] = [0, 0, 0];
+  const rest = () => {
+    clearTimeout(resting);
+    if (renderer.getPixelRatio() === fine) return;
+    [late, drawn] = [0, 0];
+    renderer.setPixelRatio(fine);
+    resize();
+    draw();
+  };
   const changed = () => {
     if (asked) return;
     asked = true;
@@ -52,18 +60,26 @@ function bySoftware() {
         resize();
       }
       draw();
-      clearTimeout(still);
-      still = setTimeout(() => {
-        if (renderer.getPixelRatio() === fine) return;
-        [late, drawn] = [0, 0];
-        renderer.setPixelRatio(fine);
-        resize();
-        draw();
-      }, STILL_MS);
+      clearTimeout(resting);
+      resting = setTimeout(rest, STILL_MS);
     });
   };
+  // Settles when all that was asked for is on the screen, with all pixels: a browser shows what was drawn
+  // before one of its frames when it begins the next
+  const still = async () => {
+    const frame = () => new Promise(requestAnimationFrame);
+    await frame();
+    rest();
+    await frame();
+    await frame();
+  };
   const orbit = new Orbit(camera, canvas, changed);
-  const home = () => orbit.look(told.view.eye, told.view.target, told.view.fov);
+  // Where it is seen from at first: the recording from told.view, a replay from where all of it is seen
+  const first = () => (replays && replays.shown ? replays.view(told.view, camera.aspect) : told.view);
+  const home = () => {
+    const { eye, target, fov } = first();
+    orbit.look(eye, target, fov);
+  };
   const resize = () => {
     const [width, height] = [box.clientWidth, box.clientHeight];
     renderer.setSize(width, height, false);
@@ -91,8 +107,24 @@ function bySoftware() {
     changed();
   });
 
+  // Play the recording, or the replay of this number; who has not turned the view sees all of it
+  const watch = async (k) => {
+    const untouched = camera.position.distanceTo(new THREE.Vector3(...first().eye)) < 1e-6;
+    clock.play(false);
+    await replays.show(k);
+    if (replays.asked !== k) return;
+    document.body.classList.toggle("replayed", k !== null);
+    resize();
+    if (untouched) home();
+    clock.follow(k === null ? clock.recording : tracks[k]);
+  };
+  const tracks = told.replays.map(({ times }) => (
+    { end: times[times.length - 1], wanted: 0, film: false, set: (time) => { replays.at(time); told.parts.forEach(write); changed(); } }
+  ));
+
   const begin = (gltf) => {
     scene = new TwinScene(gltf, told);
+    replays = new Replays(scene, told.replays, parsed);
     scene.root.add(lamp);
     for (const part of told.parts) {
       const input = card(part).querySelector("input");
@@ -110,18 +142,21 @@ function bySoftware() {
       ruler.setAttribute("aria-pressed", Boolean(measure.on));
     });
     tools.querySelector("button[name=home]").addEventListener("click", home);
+    const played = document.querySelector("#clock select");
+    if (played) played.addEventListener("change", () => watch(played.value === "" ? null : Number(played.value)));
     new ResizeObserver(() => { resize(); changed(); }).observe(box);
     home();
     clock.go(0);
     resize();
     draw();
     for (const pictures of document.querySelectorAll(".stills")) pictures.open = false;
-    Object.assign(funtwin, { scene, clock, orbit, measure, renderer, camera, draw, told, slide });
+    Object.assign(funtwin, { scene, clock, orbit, measure, renderer, camera, draw, still, told, slide, replays, watch });
   };
 
-  funtwin.ready = new Promise((resolve, reject) => {
-    const text = atob(document.getElementById("glb").textContent.trim());
-    const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
-    new THREE.GLTFLoader().parse(bytes.buffer, "", (gltf) => { begin(gltf); resolve(true); }, reject);
+  // What three.js makes of a .glb, in base64, of the page
+  const parsed = (element) => new Promise((resolve, reject) => {
+    const bytes = Uint8Array.from(atob(element.textContent.trim()), (c) => c.charCodeAt(0));
+    new THREE.GLTFLoader().parse(bytes.buffer, "", resolve, reject);
   });
+  funtwin.ready = parsed(document.getElementById("glb")).then((gltf) => { begin(gltf); return true; });
 })();
