@@ -25,7 +25,7 @@ from twin.report.replayed import LINKS, Replayed, furniture
 from twin.scene import Mesh, Twin
 
 _EVERY = 20  # simulation steps between samples: 40 ms, between which links go straight; chosen by us
-_FACES = 20_000  # of all meshes of a robot: .9 MB in the page; chosen by us
+_FACES = 12_000  # of all meshes of a robot: 1.3 MB in the page if no two corners are one; chosen by us
 _LAST_GROUP = 3  # of the robot's own shapes: what touches, drawn where a robot has no meshes to show
 _GREY = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's colour of a geom that has none of its own
 _ROUND = 16  # corners of a round shape around its axis
