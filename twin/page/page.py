@@ -39,7 +39,7 @@ VERBS = ("evaluate", "export", "check", "replay")
 # what the page lacks of a run without a twin, and of a twin without a run
 _NO_TWIN: dict[str, Any] = {
     "twin": None, "verdict": None, "unjudged": "", "said": "", "edits": [], "inferred": False, "parts": [], "timeline": "",
-    "scene": None, "key_frames": [], "opening": [], "dollhouse": "", "plan": "", "live": False,
+    "scene": None, "key_frames": [], "opening": [], "dollhouse": "", "plan": "",
 }  # fmt: skip
 _NO_RUN: dict[str, Any] = {
     "cards": [], "warnings": [], "sections": [], "replays": [], "stages": [], "versions": {}, "config": "",
@@ -55,13 +55,29 @@ def render(run: AnyPath) -> Path:
     """
     run = Path(run)
     require_own_page(run)
+    return written(run, gathered(run))
+
+
+def written(run: Path, told: Mapping[str, Any]) -> Path:
+    """Write RUN/report.html of what was gathered; its path. Raises as `render` does."""
+    require_own_page(run)
     path = run / PAGE
-    write_text(path, html(run))
+    write_text(path, text_of(told))
     return path
 
 
-def html(run: Path, live: bool = False) -> str:
-    """The page's text. live: with what edits the twin, for the server that takes the edits.
+def text_of(told: Mapping[str, Any], live: bool = False) -> str:
+    """The page's text of what was gathered.
+
+    live: with what edits the twin, for the server that takes the edits.
+    """
+    live = live and told["scene"] is not None
+    context = {**told, "live": live, "scripts": scripts(live), "marks": MARKS, "snaps": tuple(SNAPS)}
+    return str(template(Path(__file__).parent / "page.html.j2").render(context))
+
+
+def gathered(run: Path) -> dict[str, Any]:
+    """What a page shows of a run: reads all of it, and draws what was not drawn before.
 
     Raises InputError when `run` is no folder.
     """
@@ -72,9 +88,9 @@ def html(run: Path, live: bool = False) -> str:
     key = twin_key(run)
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
     replays = replays_of(run, twin) if twin else Replays()
-    context = {
+    return {
         "name": twin.name if twin else run.resolve().name,
-        **(_twin_of_run(run, twin, live, replays) if twin else _NO_TWIN),
+        **(_twin_of_run(run, twin, replays) if twin else _NO_TWIN),
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
@@ -83,21 +99,20 @@ def html(run: Path, live: bool = False) -> str:
         "versions": manifest.get("versions", {}),
         "config": _text(run / "config.toml"),
     }
-    return _rendered(context)
 
 
 def html_of(twin: Twin) -> str:
     """A page of a twin alone, without a run: its scene and its joints."""
     scene = _scene(None, twin, glb) if (glb := _glb(twin)["glb"]) else None
-    return _rendered({"name": twin.name, **_of_twin(twin, {"plots": {}}, scene, []), **_NO_RUN})
+    return text_of({"name": twin.name, **_of_twin(twin, {"plots": {}}, scene, []), **_NO_RUN})
 
 
-def _twin_of_run(run: Path, twin: Twin, live: bool, replays: Replays) -> dict[str, Any]:
+def _twin_of_run(run: Path, twin: Twin, replays: Replays) -> dict[str, Any]:
     pictures = drawn_once(run, twin, _drawn)
     glb = drawn_once(run, twin, _glb, "scene")["glb"]
     key_frames = [(k, jpeg(image)) for k, image in drawn_key_frames(run, twin)]
-    scene = _scene(run, twin, glb, live, replays) if glb else None
-    return _of_twin(twin, pictures, scene, key_frames) | {"live": live and scene is not None}
+    scene = _scene(run, twin, glb, replays) if glb else None
+    return _of_twin(twin, pictures, scene, key_frames)
 
 
 def _of_twin(
@@ -121,14 +136,6 @@ def _of_twin(
         "key_frames": key_frames,
         **pictures,
     }
-
-
-def _rendered(context: Mapping[str, Any]) -> str:
-    return str(
-        template(Path(__file__).parent / "page.html.j2").render(
-            {**context, "marks": MARKS, "snaps": tuple(SNAPS)}
-        )
-    )
 
 
 def _edits(twin: Twin) -> list[str]:
@@ -168,17 +175,17 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _scene(
-    run: Path | None, twin: Twin, glb: str, live: bool = False, replays: Replays | None = None
-) -> dict[str, Any]:
+def _scene(run: Path | None, twin: Twin, glb: str, replays: Replays | None = None) -> dict[str, Any]:
     """What the page's scripts draw."""
     replays = replays or Replays()
-    told = scene_document(run, twin, replays.told)
-    layers = [(name, text, name in _SHOWN) for name, text in _LAYERS.items()]
     return {
-        "glb": glb, "told": told, "three": three_js(), "scripts": scripts(live), "layers": layers,
-        "robots": replays.robots, "earlier": replays.earlier,
-    }  # fmt: skip
+        "glb": glb,
+        "told": scene_document(run, twin, replays.told),
+        "three": three_js(),
+        "layers": [(name, text, name in _SHOWN) for name, text in _LAYERS.items()],
+        "robots": replays.robots,
+        "earlier": replays.earlier,
+    }
 
 
 def _drawn(twin: Twin) -> dict[str, Any]:

@@ -6,14 +6,15 @@ import json
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from twin import edits
 from twin.errors import InputError
-from twin.page.page import html, render
+from twin.page.page import gathered, text_of, written
+from twin.report.sections import PAGE
 from twin.runs.run_lock import claimed
 from twin.storage import load
 from twin.view.local import HTML, JSON, Act, Answer, LocalServer, answering
@@ -39,6 +40,7 @@ class Server(LocalServer):
         if not (run / "twin" / "twin.json").is_file():
             raise InputError(f"{run} holds no twin/twin.json", "give the run folder")
         self.run, self.writing, self.work = run, threading.Lock(), Work(run)
+        self._made: tuple[_Files, str] | None = None
         super().__init__(port)
 
     def page(self, path: str) -> Answer | None:
@@ -50,7 +52,16 @@ class Server(LocalServer):
         if self.work.going_on:
             return Answer(_WAITING.encode(), HTML)
         with self.writing, claimed(self.run):
-            return Answer(html(self.run, live=True).encode(), HTML)
+            if self._made is None or self._made[0] != _files(self.run):
+                self._make()
+            assert self._made is not None
+            return Answer(self._made[1].encode(), HTML)
+
+    def _make(self) -> Mapping[str, Any]:
+        """Gather what the run shows, and keep the live page of it while no file of the run changes."""
+        told = gathered(self.run)
+        self._made = (_files(self.run), text_of(told, live=True))
+        return told
 
     @property
     def acts(self) -> Mapping[str, Act]:
@@ -65,7 +76,7 @@ class Server(LocalServer):
                 told = act(self.run, body)
                 again = told.pop("again", None)
                 if again is None:
-                    render(self.run)
+                    written(self.run, self._make())
             if again is None:
                 return told
             self.work.begin(again)  # the other process claims the run
@@ -81,6 +92,21 @@ def serving(run: Path, port: int = 0) -> Iterator[Server]:
     """A server of the run, answering until the end."""
     with answering(Server(run, port)) as server:
         yield server
+
+
+_Files = dict[Path, tuple[int, int, int]]
+
+
+def _files(run: Path) -> _Files:
+    """When each file of a run was written that a page can show, with its size and number: all but the page
+    itself, the intermediate results and what is hidden."""
+    found = {}
+    for folder in (f for f in run.iterdir() if f.name not in (PAGE, "stages") and not f.name.startswith(".")):
+        for path in folder.rglob("*") if folder.is_dir() else [folder]:
+            with suppress(FileNotFoundError):  # it was there for a moment
+                told = path.stat()
+                found[path] = (told.st_mtime_ns, told.st_size, told.st_ino)
+    return found
 
 
 _Act = Callable[[Path, Mapping[str, Any]], dict[str, Any]]

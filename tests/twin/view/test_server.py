@@ -20,11 +20,13 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
-from twin import edits
+from twin import edits, report
 from twin.cli.parser import parse
 from twin.errors import InputError
+from twin.page import page
 from twin.runs.manifest import update_manifest
 from twin.runs.run_lock import claimed
+from twin.scene import Twin
 from twin.storage import load, save
 from twin.view import Server, serving, work
 from twin.view.local import LocalServer
@@ -82,6 +84,56 @@ def test_the_file_beside_it_has_no_editor(server: Server, run: Path) -> None:
     text = (run / "report.html").read_text(encoding="utf-8")
     assert "data-what" not in text
     assert "Edited by the user" in text
+
+
+def scenes_of(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """How often a page is put together: each takes one call of `scene_document`, which gives a name here."""
+    made: list[str] = []
+    document = page.scene_document
+
+    def counted(run: Path, twin: Twin, *more: Any) -> dict[str, Any]:
+        made.append(twin.name)
+        return document(run, twin, *more)
+
+    monkeypatch.setattr(page, "scene_document", counted)
+    return made
+
+
+def test_an_edit_puts_the_page_together_once(
+    server: Server, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once for both, the file and the page that comes anew, and none for one that comes again."""
+    made = scenes_of(monkeypatch)
+    assert post(server, "edit", UPPER)[0] == 200
+    assert b"95.0" in ask(server, "GET", f"/{server.token}/")[1]
+    assert b"data-what" in ask(server, "GET", f"/{server.token}/")[1]
+    assert len(made) == 1
+    assert post(server, "undo", {})[0] == 200
+    live = ask(server, "GET", f"/{server.token}/")[1]
+    assert len(made) == 2
+    assert b"Edited by the user" not in live
+    assert "Edited by the user" not in (run / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("file", ["twin/twin.json", "config.toml", "report/check.json"])
+def test_what_another_writes_into_the_run_is_shown(
+    server: Server, run: Path, monkeypatch: pytest.MonkeyPatch, file: str
+) -> None:
+    (run / "config.toml").write_text("a = 1\n")
+    report.save_section(run, report.Section("check", True, 1.0, [], [], ["the first"]))
+    ask(server, "GET", f"/{server.token}/")
+    made = scenes_of(monkeypatch)
+    ask(server, "GET", f"/{server.token}/")
+    assert made == []
+    if file == "twin/twin.json":
+        save(replace(load(run), name="of_another"), run / "twin")
+    elif file == "config.toml":
+        (run / "config.toml").write_text("of_another = 1\n")
+    else:
+        section = run / "report" / "check.json"  # in its place, which its folder does not tell
+        section.write_text(section.read_text().replace("the first", "of_another"))
+    assert b"of_another" in ask(server, "GET", f"/{server.token}/")[1]
+    assert len(made) == 1
 
 
 def test_an_edit_is_written_and_taken_back(server: Server, run: Path) -> None:
