@@ -27,7 +27,10 @@ class Orbit {
   look(eye, target, fov) {
     this.camera.position.set(...eye);
     this.target.set(...target);
-    if (fov) this.camera.fov = fov;
+    if (fov) {
+      this.camera.fov = fov;
+      this.camera.updateProjectionMatrix();
+    }
     this._aim();
   }
 

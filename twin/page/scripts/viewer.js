@@ -2,8 +2,21 @@
 "use strict";
 
 const funtwin = {};
-// ms between two drawings from which they come late, how many in a row, and ms without a change that are rest
-const [LATE_MS, LATE, STILL_MS] = [40, 4, 250];
+// ms from a drawing to the browser's next frame from which it was slow, how many make it late, and ms without a
+// change that are rest
+const [SLOW_MS, LATE, STILL_MS] = [40, 4, 250];
+
+// Whether drawings come late. What counts is how soon after each the browser has its next frame, not when the
+// next is asked for: who clicks now and then has no slow drawings.
+class Pace {
+  constructor() { this.rested(); }
+
+  rested() { this.slow = 0; }
+
+  took(ms) { this.slow = ms > SLOW_MS ? Math.min(this.slow + 1, LATE) : Math.max(this.slow - 1, 0); }
+
+  get late() { return this.slow === LATE; }
+}
 
 // Whether the processor draws, for which smooth edges take half of the time
 function bySoftware() {
@@ -39,27 +52,27 @@ function bySoftware() {
     renderer.render(scene.root, camera);
   };
   // While something moves and drawings come late, they have half as many pixels a side; at rest all
-  let [drawn, late, resting] = [0, 0, 0];
+  const pace = new Pace();
+  const pixels = (ratio) => {
+    if (renderer.getPixelRatio() === ratio) return false;
+    renderer.setPixelRatio(ratio);
+    resize();
+    return true;
+  };
+  let resting = 0;
   const rest = () => {
     clearTimeout(resting);
-    if (renderer.getPixelRatio() === fine) return;
-    [late, drawn] = [0, 0];
-    renderer.setPixelRatio(fine);
-    resize();
-    draw();
+    pace.rested();
+    if (pixels(fine)) draw();
   };
   const changed = () => {
     if (asked) return;
     asked = true;
     requestAnimationFrame((now) => {
       asked = false;
-      late = now - drawn > LATE_MS && now - drawn < 4 * LATE_MS ? Math.min(late + 1, LATE) : Math.max(late - 1, 0);
-      drawn = now;
-      if (late === LATE && renderer.getPixelRatio() === fine) {
-        renderer.setPixelRatio(fine / 2);
-        resize();
-      }
+      if (pace.late) pixels(fine / 2);
       draw();
+      requestAnimationFrame((next) => pace.took(next - now));
       clearTimeout(resting);
       resting = setTimeout(rest, STILL_MS);
     });
@@ -150,7 +163,7 @@ function bySoftware() {
     resize();
     draw();
     for (const pictures of document.querySelectorAll(".stills")) pictures.open = false;
-    Object.assign(funtwin, { scene, clock, orbit, measure, renderer, camera, draw, still, told, slide, replays, watch });
+    Object.assign(funtwin, { scene, clock, orbit, measure, renderer, camera, draw, changed, resize, still, told, slide, replays, watch });
   };
 
   // What three.js makes of a .glb, in base64, of the page
