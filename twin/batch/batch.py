@@ -13,15 +13,18 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from twin.batch.claims import PULSE, Claims
-from twin.batch.journal import append, latest
+from twin.batch.journal import append, has_room, latest
 from twin.batch.units import Unit
 from twin.batch.work import LOOK, SHARE, Limits, Work, machine_mb, row_of, slim
 from twin.errors import InputError
+from twin.files.room import FULL, free_mb
 
 Retry = Literal["", "failed", "doubtful", "all"]
 Keep = Literal["all", "exports", "twin"]
 # s between two looks for units that another batch gave up. Chosen by us.
 _WAIT = 5.0
+# MB of the disk without which no unit is begun: a clip's run takes 75 (benchmarks/fleet.md). Chosen by us.
+RUN_MB = 100.0
 
 
 @dataclass(frozen=True)
@@ -134,7 +137,10 @@ class Batch:
 
     def go(self, told: Told) -> State:
         """Work until every unit is done, by this batch or another one, and return how it ended. told: hears
-        of every change. An interruption ends all processes and gives their units back."""
+        of every change. An interruption ends all processes and gives their units back.
+
+        Raises InputError where a full disk leaves no room for another unit; those at work have ended then.
+        """
         with self._backend() as (begin, row, room):
             return self._go(told, begin, row, room)
 
@@ -167,15 +173,8 @@ class Batch:
             while True:
                 rows = latest(self.folder)
                 left = self._left(rows)
-                ours = {w.unit.id for w in works}
-                for unit in [u for u in left if u.id not in ours]:
-                    if len(works) >= room:
-                        break
-                    if self.claims.take(unit.id):
-                        if self._settled(latest(self.folder).get(unit.id)):  # done since we looked
-                            self.claims.release(unit.id)
-                            continue
-                        works.append(begin(unit))
+                if not self._begin_more(left, works, begin, room) and not works:
+                    raise self._full(len(left))
                 spent = time.monotonic() - started
                 waiting = len(left)
                 share = spent / done_here if done_here else None
@@ -199,6 +198,38 @@ class Batch:
             for work in works:
                 work.stop()
                 self.claims.release(work.unit.id)
+
+    def _begin_more(self, left: Sequence[Unit], works: list[AtWork], begin: Begin, room: int) -> bool:
+        """Begin units that nobody has, as many as there is room for; False where the disk is full: what would
+        become of another unit could not be told."""
+        ours = {w.unit.id for w in works}
+        free = [u for u in left if u.id not in ours]
+        if not free or len(works) >= room:
+            return True
+        if free_mb(self.folder) < RUN_MB or not has_room(self.folder, room):
+            return False
+        for unit in free:
+            if len(works) >= room:
+                break
+            try:
+                taken = self.claims.take(unit.id)
+            except OSError as e:
+                if e.errno in FULL:
+                    return False
+                raise
+            if taken and self._settled(latest(self.folder).get(unit.id)):  # done since we looked
+                self.claims.release(unit.id)
+            elif taken:
+                works.append(begin(unit))
+        return True
+
+    def _full(self, left: int) -> InputError:
+        every = len(self.units)
+        return InputError(
+            f"the disk of {self.folder} is full ({free_mb(self.folder):.0f} MB left), "
+            f"{every - left} of {every} recordings are done",
+            "free some space and run again: what was computed is kept",
+        )
 
     def _still_ours(self, work: AtWork) -> bool:
         if self.claims.pulse(work.unit.id):

@@ -29,7 +29,10 @@ class Claims:
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def take(self, unit: str) -> bool:
-        """Claim a unit; False if somebody who lives has it. A dead claim is taken over."""
+        """Claim a unit; False if somebody who lives has it. A dead claim is taken over.
+
+        Raises OSError where no claim can be written, as on a full disk.
+        """
         path = self._path(unit)
         if self._made(path):
             return True
@@ -68,8 +71,9 @@ class Claims:
     def _made(self, path: Path) -> bool:
         """Whether the file could be made: written aside and linked, so that it is never seen half."""
         aside = self.folder / f".{self.me}.new"
-        aside.write_text(json.dumps({"by": self.me, "host": self.host, "pid": os.getpid()}), encoding="utf-8")
+        told = json.dumps({"by": self.me, "host": self.host, "pid": os.getpid()})
         try:
+            aside.write_text(told, encoding="utf-8")
             path.hardlink_to(aside)
         except FileExistsError:
             return False

@@ -10,20 +10,38 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError
+from twin.files.room import kept
 
 JOURNAL = "units.jsonl"
+# Bytes that a line takes at most; most take one or two thousand. Chosen by us.
+_LINE = 16_384
 
 
 def append(folder: Path, row: Mapping[str, Any]) -> None:
-    """Add a line, whole or not at all as far as a reader sees; other processes may add theirs meanwhile."""
+    """Add a line, whole or not at all as far as a reader sees; other processes may add theirs meanwhile.
+
+    Raises OSError that names the file, as of a full disk; the file then is as it was.
+    """
+    path = folder / JOURNAL
     line = json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
-    with (folder / JOURNAL).open("ab") as file:
+    with path.open("ab", buffering=0) as file:
         fcntl.lockf(file, fcntl.LOCK_EX)  # of other hosts too, where the file system tells them
-        if file.tell() and not _ends_whole(folder / JOURNAL):
-            file.write(b"\n")  # somebody was killed in the middle of a line
-        file.write(line.encode())
-        file.flush()
-        os.fsync(file.fileno())
+        end = file.seek(0, os.SEEK_END)
+        if end and not _ends_whole(path):
+            line = "\n" + line  # somebody was killed in the middle of a line
+        left = line.encode()
+        try:
+            while left:  # a disk that fills takes a part of it
+                left = left[file.write(left) :]
+            os.fsync(file.fileno())
+        except OSError as e:
+            file.truncate(end)
+            raise OSError(e.errno, e.strerror, str(path)) from e
+
+
+def has_room(folder: Path, lines: int) -> bool:
+    """Keep room on the disk for so many lines more; False where it is full."""
+    return kept(folder / JOURNAL, lines * _LINE)
 
 
 def _ends_whole(path: Path) -> bool:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.batch.units import Unit
+from twin.files.room import FULL, full
 from twin.files.text import read_json
 
 VERBS = ("reconstruct", "evaluate", "export", "check", "replay")
@@ -24,6 +25,7 @@ SHARE = 0.9  # of the memory that a machine has to give, for all units on it tog
 PROGRAM = (sys.executable, "-m", "twin")
 _PAGE_KB = os.sysconf("SC_PAGE_SIZE") / 1024
 _TAIL = 4000  # characters of what a process said that are looked at for its error
+_KILLED = ", from outside, as the system does where memory lacks; give --retry failed"
 _DIES_WITH_ITS_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -135,6 +137,14 @@ class Work:
         if self.error or not left:
             return False
         self._verb = left[0]
+        try:
+            self._start()
+        except OSError as e:
+            self.error = f"{self._verb}: {self._of_system(e)}"
+            return False
+        return True
+
+    def _start(self) -> None:
         self._log(self._verb).parent.mkdir(parents=True, exist_ok=True)
         words = [*self.program, self._verb, *self._commands()[self._verb], "--json"]
         threads = str(self.limits.threads)
@@ -145,7 +155,15 @@ class Work:
                 words, stdout=out, stderr=log, stdin=subprocess.DEVNULL, env=environment,
                 start_new_session=True, preexec_fn=_dies_with_its_parent,
             )  # fmt: skip
-        return True
+
+    def _of_system(self, error: OSError) -> str:
+        """Why a process could not be begun."""
+        if error.errno in FULL:
+            return self._full()
+        return f"{error.filename or self.program[0]}: {error.strerror}; check {self.folder}"
+
+    def _full(self) -> str:
+        return f"the disk of {self.folder} is full; free some space, then give --retry failed"
 
     def _log(self, verb: str, end: str = ".log") -> Path:
         return self.folder / "logs" / self.unit.id / f"{verb}{end}"
@@ -173,13 +191,16 @@ class Work:
             self.error = self._said(code)
 
     def _said(self, code: int) -> str:
-        """The line in which a process told why it ended."""
+        """The line in which a process told why it ended; a full disk may have taken nothing or half of it."""
         text = self._log(self._verb).read_text(encoding="utf-8", errors="replace")[-_TAIL:]
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        told = next((t.removeprefix("twin: ") for t in reversed(lines) if t.startswith("twin: ")), "")
+        lines = [line for line in text.splitlines(keepends=True) if line.strip()]
+        whole = [t.strip() for t in lines if t.endswith("\n")]
+        told = next((t.removeprefix("twin: ") for t in reversed(whole) if t.startswith("twin: ")), "")
+        if not told and full(self.folder):
+            told = self._full()
         if not told and code < 0:
-            told = f"was ended by signal {-code}"
-        return f"{self._verb}: {told or (lines[-1] if lines else f'exit code {code}')}"
+            told = f"was ended by signal {-code}{_KILLED if -code == signal.SIGKILL else ''}"
+        return f"{self._verb}: {told or (lines[-1].strip() if lines else f'exit code {code}')}"
 
 
 def row_of(work: Work, settings: str, host: str) -> dict[str, Any]:

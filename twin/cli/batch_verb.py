@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from twin.cli import given
 from twin.cli.console import Console, Outcome
 from twin.cli.table import SETTINGS, named
 from twin.errors import InputError
+from twin.files.room import FULL
 from twin.report.sections import Table
 
 
@@ -52,7 +55,8 @@ def batch(
         data = {"units": [{"id": u.id, "recording": u.source, "done": u.id not in left} for u in units]}
         return Outcome(data, [Table(f"{len(left)} of {len(units)} to do", ["id", "recording", ""], rows)])
     shown: list[Any] = []
-    with console.progress() as progress:
+    # Ray tells its own troubles on stdout, where the results go
+    with console.progress() as progress, redirect_stdout(sys.stderr):
 
         def tell(state: State) -> None:
             busy = ", ".join(f"{name} ({verb})" for name, verb in list(state.busy.items())[:3])
@@ -60,8 +64,12 @@ def batch(
                 "batch", state.done / len(units), f"{state.done} of {len(units)}; {busy}" if busy else ""
             )
             if shown != [state.rows.keys()]:  # as units end; each page reads all their twins
-                shown[:] = [state.rows.keys()]
-                write_page(out, state)
+                try:
+                    write_page(out, state)
+                    shown[:] = [state.rows.keys()]
+                except OSError as e:  # the next look tries again, the last page is written or told
+                    if e.errno not in FULL:
+                        raise
 
         state = whole.go(tell)
     return _told(out, state)

@@ -5,9 +5,12 @@ python stand_in.py CALLS VERB RECORDING|RUN ... [-o RUN] --json
 
 import json
 import os
+import signal
 import sys
 import time
 from pathlib import Path
+
+SMALL_DISK = 2**28
 
 calls, verb, first, *rest = sys.argv[1:]
 source = Path(first)
@@ -35,6 +38,25 @@ elif verb == "reconstruct":
             time.sleep(0.02)
     if name.startswith("crashes"):
         os.abort()
+    if name.startswith("killed"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if name.startswith("worker"):  # its worker dies, every time or the first time
+        marked = run / "marked"
+        if "once" not in name or not marked.exists():
+            marked.touch()
+            os.kill(os.getppid(), signal.SIGKILL)
+            time.sleep(600)
+    disk = os.statvfs(run)
+    if disk.f_blocks * disk.f_frsize < SMALL_DISK and name.startswith(("fills", "late")):
+        if name.startswith("fills"):
+            while not any(run.parent.glob("late*")):
+                time.sleep(0.02)
+            with (run / "filling").open("wb", buffering=0) as file:
+                while file.write(bytes(2**16)):
+                    pass
+        while os.statvfs(run).f_bavail:
+            time.sleep(0.02)
+        time.sleep(0.7)  # ends later than what filled it
     level = "doubtful" if name.startswith("doubtful") else "trusted"
     reasons = [{"type": "AxisUnsure", "level": level}] if level == "doubtful" else []
     part = {
