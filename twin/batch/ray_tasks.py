@@ -56,8 +56,11 @@ class Task:
             self._row = ray.get(self.reference)
         except ray.exceptions.OutOfMemoryError:
             self._row = self._failed("too large for this machine: Ray ended it for memory")
+        except ray.exceptions.RayTaskError as e:  # an error of the program; its last line names it
+            self._row = self._failed(str(e).strip().splitlines()[-1][:200])
         except ray.exceptions.RayError as e:
-            self._row = self._failed(f"its worker died: {str(e).strip().splitlines()[0][:200]}")
+            why = str(e).strip().splitlines()[0].partition(". ")[0][:120]
+            self._row = self._failed(f"its worker died {1 + _AGAIN} times ({why}); give --retry failed")
         return False
 
     def stop(self) -> None:
