@@ -158,11 +158,11 @@ class Batch:
         from twin.batch import ray_tasks
 
         with ray_tasks.connected(settings.address):
-            room = settings.workers or ray_tasks.places(limits.threads)
+            room = ray_tasks.places(limits, settings.memory_mb)
             yield (
                 lambda unit: ray_tasks.begun(work(unit), settings.digest, settings.memory_mb),
                 lambda task: dict(task.row()),
-                room,
+                settings.workers or room,
             )
 
     def _go(self, told: Told, begin: Begin, row: Row, room: int) -> State:

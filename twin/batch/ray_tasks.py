@@ -114,11 +114,28 @@ def connected(address: str) -> Iterator[None]:
             shutil.rmtree(place, ignore_errors=True)
 
 
-def places(threads: int) -> int:
-    """How many tasks of so many cores the cluster has room for."""
+def places(limits: Limits, asked_mb: float) -> int:
+    """How many units the cluster has room for, each with its cores and its memory.
+
+    Raises InputError where no node has room for one, which would wait for ever.
+    """
     import ray
 
-    return max(1, int(ray.cluster_resources().get("CPU", 1) // threads))
+    memory = _bytes(asked_mb)
+    nodes = [n["Resources"] for n in ray.nodes() if n["Alive"]]
+    room = [int(min(n.get("CPU", 0.0) // limits.threads, n.get("memory", 0.0) // memory)) for n in nodes]
+    if not any(room):
+        most = ", ".join(f"{n.get('CPU', 0):.0f} with {n.get('memory', 0) / 1e9:.1f} GB" for n in nodes)
+        raise InputError(
+            f"no node has {limits.threads} cores and {memory / 1e9:.1f} GB for a recording; cores here: {most}",
+            "give more --workers, which share the cores, or less --memory",
+        )
+    return sum(room)
+
+
+def _bytes(asked_mb: float) -> int:
+    """Memory that a task asks for."""
+    return int(1e6 * (asked_mb or _CLIP_MB))
 
 
 def begun(work: Work, settings: str, asked_mb: float) -> Task:
@@ -127,8 +144,7 @@ def begun(work: Work, settings: str, asked_mb: float) -> Task:
 
     remote = ray.remote(
         num_cpus=work.limits.threads,
-        memory=int(1e6 * (asked_mb or _CLIP_MB)),
-        max_calls=1,  # each in a process of its own
+        memory=_bytes(asked_mb),
         max_retries=_AGAIN,
         retry_exceptions=False,
     )(_carried_out)

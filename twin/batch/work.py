@@ -23,6 +23,7 @@ VERBS = ("reconstruct", "evaluate", "export", "check", "replay")
 LOOK = 0.2  # s between two looks at a process; a unit takes a minute or more
 SHARE = 0.9  # of the memory that a machine has to give, for all units on it together; chosen by us
 PROGRAM = (sys.executable, "-m", "twin")
+_LOOKS = 50  # the time between two looks at all processes, in times of a look; chosen by us
 _PAGE_KB = os.sysconf("SC_PAGE_SIZE") / 1024
 _TAIL = 4000  # characters of what a process said that are looked at for its error
 _KILLED = ", from outside, as the system does where memory lacks; give --retry failed"
@@ -86,7 +87,7 @@ class Work:
         if code is None:
             return True
         self._ended(code)
-        return True
+        return self._begin()
 
     def stop(self) -> None:
         """End the process and all that it began."""
@@ -170,7 +171,7 @@ class Work:
 
     def _watch(self) -> None:
         assert self._process is not None
-        used = group_mb(self._process.pid)
+        used = _HELD.by(self._process.pid)
         self.peak_mb = max(self.peak_mb, used)
         if used > self.limits.memory_mb:
             self.error = (
@@ -228,17 +229,40 @@ def slim(run: Path, keep: str) -> None:
         shutil.rmtree(run / name, ignore_errors=True)
 
 
-def group_mb(group: int) -> float:
-    """Memory (MB) that the processes of a session hold."""
-    total = 0.0
+class Held:
+    """Memory (MB) that the processes of each session hold.
+
+    One look at all processes serves every unit at work. The next one waits until the last took no more than
+    a fiftieth of the time: on a machine with thousands of processes a look takes a tenth of a second.
+    """
+
+    def __init__(self) -> None:
+        self._due = 0.0
+        self._of: dict[int, float] = {}
+
+    def by(self, session: int) -> float:
+        """Of one session, as of the last look."""
+        began = time.monotonic()
+        if began >= self._due:
+            self._of = sessions_mb()
+            self._due = began + max(LOOK / 2, _LOOKS * (time.monotonic() - began))
+        return self._of.get(session, 0.0)
+
+
+_HELD = Held()
+
+
+def sessions_mb() -> dict[int, float]:
+    """Memory (MB) by session, of all processes."""
+    held: dict[int, float] = {}
     for process in Path("/proc").iterdir():
         if not process.name.isdecimal():
             continue
         with suppress(OSError, ValueError, IndexError):
             fields = (process / "stat").read_text().rpartition(")")[2].split()
-            if int(fields[3]) == group:  # the session
-                total += int(fields[21]) * _PAGE_KB / 1000
-    return total
+            session = int(fields[3])
+            held[session] = held.get(session, 0.0) + int(fields[21]) * _PAGE_KB / 1000
+    return held
 
 
 def _dies_with_its_parent() -> None:

@@ -46,7 +46,9 @@ def free_mb(path: Path) -> float:
 
 
 def full(folder: Path) -> bool:
-    """Whether the disk of a folder does not take another page."""
+    """Whether the disk of a folder has less than 1 MB left, or does not take another page."""
+    if free_mb(folder) < 1.0:
+        return True
     try:
         with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
             file.write(bytes(_PAGE))

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 SMALL_DISK = 2**28
@@ -48,15 +49,19 @@ elif verb == "reconstruct":
             time.sleep(600)
     disk = os.statvfs(run)
     if disk.f_blocks * disk.f_frsize < SMALL_DISK and name.startswith(("fills", "late")):
+        tried = Path(calls).with_name("tried")  # on another disk
         if name.startswith("fills"):
             while not any(run.parent.glob("late*")):
                 time.sleep(0.02)
-            with (run / "filling").open("wb", buffering=0) as file:
+            with suppress(OSError), (run / "filling").open("wb", buffering=0) as file:
                 while file.write(bytes(2**16)):
                     pass
-        while os.statvfs(run).f_bavail:
-            time.sleep(0.02)
-        time.sleep(0.7)  # ends later than what filled it
+            while not tried.exists():
+                time.sleep(0.02)
+        else:
+            while os.statvfs(run).f_bavail:
+                time.sleep(0.02)
+            tried.touch()
     level = "doubtful" if name.startswith("doubtful") else "trusted"
     reasons = [{"type": "AxisUnsure", "level": level}] if level == "doubtful" else []
     part = {

@@ -15,8 +15,11 @@ import pytest
 
 from tests.twin.batch.test_batch import STAND_IN, called, go, recordings
 from twin.batch import Settings, work
+from twin.batch.batch import State
 from twin.batch.claims import Claims
 from twin.batch.journal import JOURNAL, append, has_room, latest
+from twin.batch.page import INDEX
+from twin.cli import batch_verb
 from twin.cli.main import run as twin_verb
 from twin.errors import InputError
 from twin.files import room
@@ -157,3 +160,16 @@ def test_room_is_kept_on_a_disk_that_others_fill(disk: Path) -> None:
     for unit in "bc":
         append(disk, {"id": unit, "exit": 0, "error": "x" * 15_000})
     assert list(latest(disk)) == ["a", "b", "c"]
+
+
+def test_the_page_so_far_waits_for_room(disk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    so_far, state = batch_verb._PageSoFar(disk), State([], {}, {})
+    now = [1000.0]
+    monkeypatch.setattr(batch_verb.time, "monotonic", lambda: now[0])
+    filling = fill(disk)
+    so_far.write(state)
+    assert not (disk / INDEX).exists()
+    filling.unlink()
+    now[0] += 1.0
+    so_far.write(state)
+    assert (disk / INDEX).is_file()

@@ -44,6 +44,14 @@ def test_an_address_is_of_a_cluster(tmp_path: Path, calls: Path, capsys: pytest.
     assert "give --backend ray too" in capsys.readouterr().err
 
 
+def test_a_unit_that_no_node_has_room_for_is_refused(
+    tmp_path: Path, calls: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [*recordings(tmp_path, "a"), "-o", str(tmp_path / "out"), "--backend", "ray"]
+    assert twin_verb(["batch", *given, "--memory", "100000"]) == 1
+    assert "cores and 100000.0 GB for a recording; cores here: " in capsys.readouterr().err
+
+
 def test_without_ray_its_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     from twin.errors import MissingDependencyError
