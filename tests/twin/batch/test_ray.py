@@ -10,6 +10,7 @@ import pytest
 from tests.twin.batch.test_batch import STAND_IN, called, go, recordings
 from twin.batch import Settings, work
 from twin.cli.main import run as twin_verb
+from twin.errors import InputError, MissingDependencyError
 
 ROOT = Path(__file__).parents[3]
 
@@ -52,9 +53,20 @@ def test_a_unit_that_no_node_has_room_for_is_refused(
     assert "cores and 100000.0 GB for a recording; cores here: " in capsys.readouterr().err
 
 
+def test_a_ray_that_does_not_start_is_told(
+    tmp_path: Path, calls: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import ray
+
+    def late(**_: object) -> None:
+        raise Exception("The current node timed out during startup.\nmore")  # as Ray raises it
+
+    monkeypatch.setattr(ray, "init", late)
+    with pytest.raises(InputError, match=r"timed out during startup\.\).* without --backend ray"):
+        go(recordings(tmp_path, "a"), tmp_path / "out", Settings(workers=1, ray=True))
+
+
 def test_without_ray_its_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    from twin.errors import MissingDependencyError
-
     with pytest.raises(MissingDependencyError, match="fleet"):
         go(recordings(tmp_path, "a"), tmp_path / "out", Settings(workers=1, ray=True))
