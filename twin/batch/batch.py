@@ -23,7 +23,7 @@ Retry = Literal["", "failed", "doubtful", "all"]
 Keep = Literal["all", "exports", "twin"]
 # s between two looks for units that another batch gave up. Chosen by us.
 _WAIT = 5.0
-# MB of the disk without which no unit is begun: a clip's run takes 75 (benchmarks/fleet.md). Chosen by us.
+# MB of the disk without which no unit is begun: a clip's run takes 77 (benchmarks/fleet.md). Chosen by us.
 RUN_MB = 100.0
 
 
