@@ -25,7 +25,10 @@ class Replayed:
     """A robot moves a part; n samples.
 
     Attributes:
-        robot, part: their names. start, goal: states, m or rad, as `states` count them.
+        robot: its name.
+        part: its name.
+        start: its state at the begin, m or rad, as `states` count them.
+        goal: the state that was asked for.
         ok: whether the replay did what it was asked.
         times: (n,) s.
         states: of each part of the twin, (n,) m or rad.
