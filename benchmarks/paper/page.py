@@ -28,7 +28,7 @@ time-of-flight camera's. Seeds were fixed before any result was seen; no clip's 
 
 Every method works on the same frames in the same run. All but the ICP have our cameras, tracks and noise of depth. *ours* tells parts
 before the verdict, *as delivered* without those that it refuses. The *paper's steps* are its motion clusters and part-pose graph on our
-tracks, with our labels. Each ablation is *ours* with one step replaced, in the sense of supplement 3.5; `benchmarks/paper/chain.py` says how.
+tracks, with our labels. Each ablation is *ours* with one step replaced, in the sense of supplement 3.5; `benchmarks/paper/ablations.py` says how.
 The paper's own ablations are of its own chain and are not comparable figure by figure. ArtiPoint's back end was not run.
 """
 _CHARGED = """
@@ -70,7 +70,7 @@ def write_page(results: Path, page: Path) -> None:
         of[row["method"]].append(row)
     done = len({r["clip"] for r in rows})
     lines = [_HEAD, f"{done} of {len(clips())} clips are measured so far.", _CHARGED]
-    lines += _table(("method", "clips", "found", "type right", "axis, °", "pivot, m", "state", "ADD-S", "ADD", "mIoU"),
+    lines += _table(("method", "clips", "found", "type right", "axis, °", "pivot, m", "state", "ADD-S, %", "ADD, %", "mIoU, %"),
                     [_charged(n, r) for n, r in of.items() if r and n not in CAMERAS])  # fmt: skip
     lines += [_FOUND]
     lines += _table(("method", "clips", "axis, °", "pivot, mm", "state", "mIoU"),
@@ -97,9 +97,9 @@ def _charged(name: str, rows: Sequence[Row]) -> list[str]:
     found, right = (100.0 * np.mean([r[k] for r in rows]) for k in ("found", "type"))
     return [
         name, str(len(rows)), f"{found:.0f} %", f"{right:.0f} %",
-        _both(rows, lambda some: _mean([r["axis"] for r in some], 1)),
+        _both(rows, lambda some: _mean([r["axis"] for r in some], 2)),
         _mean([r["pivot"] / 1e3 for r in rows if r["pivot"] is not None], 3),
-        _both(rows, lambda some: _mean([r["state"] for r in some], 1) + _unit(some)),
+        _both(rows, lambda some: _mean([r["state"] for r in some], 2) + _unit(some)),
         percent("add_s"), percent("add"), percent("miou"),
     ]  # fmt: skip
 

@@ -182,5 +182,5 @@ def test_the_page_charges_failures_in_one_table_and_not_in_the_other(tmp_path: P
     charged, found = (
         line for line in (tmp_path / "paper.md").read_text().splitlines() if line.startswith("| ours |")
     )
-    assert "| 3 | 67 % | 67 % | 45.5 [1.0, 90.0] / 3.0 [3.0, 3.0] | 0.004 [0.004, 0.004] |" in charged
+    assert "| 3 | 67 % | 67 % | 45.50 [1.00, 90.00] / 3.00 [3.00, 3.00] | 0.004 [0.004, 0.004] |" in charged
     assert "| 2 | 1.00 / 3.00 | 4.0 | 2.00 mm / 2.00° | 90.0 % |" in found
