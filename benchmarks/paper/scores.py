@@ -53,9 +53,8 @@ def _of_part(answer: Answer, found: MovingPart, T: Array, truth: Truth) -> dict[
     joint, motion = _anchored(found.joint, found.motion, part)
     errors = joint_errors(joint, motion, T, truth, part)
     out: dict[str, Any] = {"type": errors.type_right, "add": errors.add or 0.0, "add_s": errors.add_s or 0.0}
-    if errors.type_right:
-        known = {"axis": errors.axis_deg, "pivot": errors.pivot_mm, "state": errors.state}
-        out |= {k: float(v) for k, v in known.items() if v is not None}
+    known = {"axis": errors.axis_deg, "pivot": errors.pivot_mm, "state": errors.state}
+    out |= {k: float(v) for k, v in known.items() if v is not None}  # none of a wrong type
     if answer.free is not None:
         out |= _of_poses(*answer.free, T, part)
     if answer.labels is not None:

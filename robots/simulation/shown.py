@@ -10,7 +10,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import trimesh
 
 from robots.model.skin import DRAWABLE, SCALAR, SHOWN
 from robots.scene.world import PEDESTAL, PREFIX, ROBOT, World
@@ -20,6 +19,7 @@ from twin.exporters.glb_buffer import GlbBuffer
 from twin.exporters.glb_mesh import add_mesh
 from twin.exporters.links import Visual
 from twin.geometry import Array
+from twin.importers.mjcf_look import mean_color, rgba, surface_of
 from twin.mesh import decimated
 from twin.report.replayed import LINKS, Replayed, furniture
 from twin.scene import Mesh, Twin
@@ -27,8 +27,6 @@ from twin.scene import Mesh, Twin
 _EVERY = 20  # simulation steps between samples: 40 ms, between which links go straight; chosen by us
 _FACES = 12_000  # of all meshes of a robot: 1.3 MB in the page if no two corners are one; chosen by us
 _LAST_GROUP = 3  # of the robot's own shapes: what touches, drawn where a robot has no meshes to show
-_GREY = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's colour of a geom that has none of its own
-_ROUND = 16  # corners of a round shape around its axis
 
 
 class Moments:
@@ -95,7 +93,7 @@ def _drawn(world: World) -> dict[str, list[int]]:
     own = [
         g for g in np.flatnonzero(world.owner == ROBOT).tolist()
         if str(model.body(model.geom_bodyid[g]).name).startswith(PREFIX)
-        and model.geom_type[g] in DRAWABLE and _rgba(model, g)[3] > 0
+        and model.geom_type[g] in DRAWABLE and rgba(model, g)[3] > 0
     ]  # fmt: skip
     is_mesh = int(mujoco.mjtGeom.mjGEOM_MESH)
     dressed = any(model.geom_type[g] == is_mesh and model.geom_group[g] <= SHOWN for g in own)
@@ -132,12 +130,14 @@ def _glb(model: mujoco.MjModel, drawn: dict[str, list[int]]) -> bytes:
     buffer = GlbBuffer()
     nodes: list[dict[str, Any]] = []
     links: list[int] = []
-    shapes = {name: [(_shape(model, g), _rgba(model, g)) for g in geoms] for name, geoms in drawn.items()}
+    shapes = {
+        name: [(_shape(model, g), mean_color(model, g)) for g in geoms] for name, geoms in drawn.items()
+    }
     share = min(1.0, _FACES / max(sum(len(mesh.faces) for own in shapes.values() for mesh, _ in own), 1))
     for name, own in shapes.items():
         children = range(len(nodes), len(nodes) + len(own))
-        for mesh, rgba in own:
-            r, g, b, _ = rgba.tolist()
+        for mesh, color in own:
+            r, g, b, _ = color.tolist()
             shown = Visual(name, _fewer(mesh, share), role="robot", color=(r, g, b))
             nodes.append({"mesh": add_mesh(buffer, shown)})
         links.append(len(nodes))
@@ -157,40 +157,8 @@ def _fewer(mesh: Mesh, share: float) -> Mesh:
 
 def _shape(model: mujoco.MjModel, geom: int) -> Mesh:
     """A geom as triangles in its body's frame."""
-    size, kind = model.geom_size[geom], int(model.geom_type[geom])
-    kinds = mujoco.mjtGeom
-    if kind == kinds.mjGEOM_MESH:
-        m = int(model.geom_dataid[geom])
-        vertex, face = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
-        vertices = model.mesh_vert[vertex : vertex + int(model.mesh_vertnum[m])]
-        own = trimesh.Trimesh(
-            vertices, model.mesh_face[face : face + int(model.mesh_facenum[m])], process=False
-        )
-    elif kind == kinds.mjGEOM_BOX:
-        own = trimesh.creation.box(extents=2 * size)
-    elif kind == kinds.mjGEOM_CAPSULE:
-        own = trimesh.creation.capsule(2 * size[1], size[0], count=[_ROUND, _ROUND])
-    elif kind == kinds.mjGEOM_CYLINDER:
-        own = trimesh.creation.cylinder(size[0], 2 * size[1], sections=_ROUND)
-    else:
-        own = trimesh.creation.icosphere(subdivisions=2)
-        own.apply_scale(size if kind == kinds.mjGEOM_ELLIPSOID else size[0])
-    pose = geo.make_pose(geo.matrix_from_quat_wxyz(model.geom_quat[geom]), model.geom_pos[geom])
-    return Mesh(geo.transform(pose, np.asarray(own.vertices, np.float64)), np.asarray(own.faces, np.int32))
-
-
-def _rgba(model: mujoco.MjModel, geom: int) -> Array:
-    """Colour (4,) in 0..1 of a geom, as MuJoCo draws it; of a picture on it its mean."""
-    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
-    if material < 0 or not np.array_equal(own, _GREY):
-        return np.array(own, np.float64)
-    rgba = np.array(model.mat_rgba[material], np.float64)
-    texture = int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
-    if texture >= 0:
-        width, height, channels = (
-            int(v[texture]) for v in (model.tex_width, model.tex_height, model.tex_nchannel)
-        )
-        start = int(model.tex_adr[texture])
-        pixels = model.tex_data[start : start + width * height * channels].reshape(-1, channels)
-        rgba[:3] *= pixels[:, :3].mean(axis=0) / 255
-    return np.clip(rgba, 0.0, 1.0)
+    surface = surface_of(model, geom, coarse=True)
+    assert surface is not None  # as all of `DRAWABLE` have one
+    return surface.transformed(
+        geo.make_pose(geo.matrix_from_quat_wxyz(model.geom_quat[geom]), model.geom_pos[geom])
+    )

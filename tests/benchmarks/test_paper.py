@@ -50,11 +50,12 @@ def test_fits_to_exact_poses_are_exact(joint: Joint) -> None:
             assert geo.point_line_distance(fit.joint.pivot, HINGE.pivot, HINGE.axis) < 1e-6
 
 
-def test_outliers_do_not_move_a_fit() -> None:
-    poses, _ = _poses(HINGE)
+@pytest.mark.parametrize("joint", [HINGE, SLIDE], ids=["hinge", "slide"])
+def test_outliers_do_not_move_a_fit(joint: Joint) -> None:
+    poses, _ = _poses(joint)
     poses[[3, 9, 15], :3, 3] += [0.3, -0.2, 0.4]
     for fit in (by_residual(poses, POINT), by_bic(poses, POINT)):
-        assert geo.line_angle(fit.joint.axis, HINGE.axis) < 1e-6
+        assert geo.line_angle(fit.joint.axis, joint.axis) < 1e-6
 
 
 def test_a_part_that_stands_still_is_rigid_by_bic() -> None:
@@ -109,10 +110,17 @@ def test_an_exact_answer_has_no_error_whatever_its_sign_and_zero(moving: Truth) 
         assert row["type"]
         assert max(row["axis"], row["pivot"] or 0.0, row["state"], row["ate"]) < 1e-4
         assert row["add"] == row["add_s"] == 1.0
-    free = replace(
-        _answer(moving, part.joint, part.states), free=(np.arange(moving.frames), part.T_world_part)
-    )
-    assert scored(free, moving)["add"] == 1.0
+
+
+def test_free_poses_that_are_exact_have_no_error_whatever_frame_comes_first(moving: Truth) -> None:
+    opened = moving.parts[0]
+    closing = replace(opened, states=opened.states[::-1], T_world_part=opened.T_world_part[::-1])
+    own = geo.make_pose(geo.exp_so3(np.array([0.3, -0.8, 0.1])), [0.4, 0.1, -0.2])  # of the method's part
+    for part in (opened, closing):
+        truth = replace(moving, parts=(part,))
+        answer = _answer(truth, part.joint, part.states)
+        free = replace(answer, free=(np.arange(truth.frames), part.T_world_part @ own))
+        assert scored(free, truth)["add"] == 1.0
 
 
 def test_what_is_missed_or_of_the_wrong_type_is_charged(moving: Truth) -> None:

@@ -16,15 +16,10 @@ from twin.importers.contact_pairs import bodies_never_touching, touching_geoms
 from twin.importers.geom_groups import seen_geoms
 from twin.importers.keyframes import ends
 from twin.importers.look import Lost, welded
-from twin.importers.mjcf_look import looking, mesh_arrays
+from twin.importers.mjcf_look import looking, surface_of
 from twin.importers.refused import refusal
 from twin.importers.shapes import (
-    box,
-    capsule,
     convex,
-    cylinder,
-    ellipsoid,
-    rectangle,
 )
 from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
 from twin.lint.xml import read_xml
@@ -208,21 +203,10 @@ class _Scene:
 
     def _surface(self, g: int) -> Mesh | None:
         """A geom in its own frame; None, with a note, where it has no surface that could be kept."""
-        kind, size = int(self.model.geom_type[g]), np.asarray(self.model.geom_size[g], np.float64)
-        if kind == _GEOM.mjGEOM_MESH:
-            return welded(*mesh_arrays(self.model, int(self.model.geom_dataid[g])), None)
-        if kind == _GEOM.mjGEOM_BOX:
-            return box(2 * size)
-        if kind == _GEOM.mjGEOM_SPHERE:
-            return ellipsoid(np.full(3, size[0]))
-        if kind == _GEOM.mjGEOM_ELLIPSOID:
-            return ellipsoid(size)
-        if kind == _GEOM.mjGEOM_CYLINDER:
-            return cylinder(size[0], 2 * size[1])
-        if kind == _GEOM.mjGEOM_CAPSULE:
-            return capsule(size[0], 2 * size[1])
-        if kind == _GEOM.mjGEOM_PLANE and size[0] > 0 and size[1] > 0:
-            return rectangle(size[:2])
+        kind, surface = int(self.model.geom_type[g]), surface_of(self.model, g)
+        if surface is not None:
+            is_mesh = kind == _GEOM.mjGEOM_MESH
+            return welded(surface.vertices, surface.faces, None) if is_mesh else surface
         what = _GEOM(kind).name.removeprefix("mjGEOM_").lower()
         label = repr(str(self.model.geom(g).name)) if self.model.geom(g).name else f"{g}"
         self.notes.append(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from twin.geometry import Array
 from twin.importers.look import Lost, cube_mapped, painted, pictured, tell_shrunk
+from twin.importers.shapes import box, capsule, cylinder, ellipsoid, rectangle
 from twin.importers.unwrap import box_uv, capsule_uv, cylinder_uv, sphere_uv
 from twin.scene import Mesh
 
@@ -25,6 +26,36 @@ def rgba(model: Any, g: int) -> Array:
     if material < 0 or not np.allclose(own, _UNSET):
         return own
     return np.asarray(model.mat_rgba[material], np.float64)
+
+
+def mean_color(model: Any, g: int) -> Array:
+    """Colour (4,) of 0..1 of a geom; of a picture on it its mean."""
+    color, picture = rgba(model, g), _picture(model, g)
+    if picture is not None:
+        color = color * [*(picture.image.reshape(-1, 3).mean(axis=0) / 255.0), 1.0]
+    return np.clip(color, 0.0, 1.0)
+
+
+def surface_of(model: Any, g: int, coarse: bool = False) -> Mesh | None:
+    """A geom in its own frame, its round shapes with half as many corners around them where `coarse`; None of
+    a kind that has no surface of a finite size."""
+    kind, size = int(model.geom_type[g]), np.asarray(model.geom_size[g], np.float64)
+    round_ = {"sections": 16} if coarse else {}
+    if kind == _GEOM.mjGEOM_MESH:
+        vertices, faces = mesh_arrays(model, int(model.geom_dataid[g]))
+        return Mesh(vertices, faces.astype(np.int32))
+    if kind == _GEOM.mjGEOM_BOX:
+        return box(2 * size)
+    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID):
+        half = size if kind == _GEOM.mjGEOM_ELLIPSOID else np.full(3, size[0])
+        return ellipsoid(half, 2) if coarse else ellipsoid(half)
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return cylinder(size[0], 2 * size[1], **round_)
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        return capsule(size[0], 2 * size[1], **round_)
+    if kind == _GEOM.mjGEOM_PLANE and size[0] > 0 and size[1] > 0:
+        return rectangle(size[:2])
+    return None
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,27 +24,27 @@ def box(size: ArrayLike) -> Mesh:
     return _plain(trimesh.creation.box(extents=np.asarray(size, dtype=np.float64)))
 
 
-def cylinder(radius: float, length: float) -> Mesh:
-    """A cylinder along z about the origin."""
+def cylinder(radius: float, length: float, sections: int = _SECTIONS) -> Mesh:
+    """A cylinder along z about the origin, of so many corners around it."""
     import trimesh
 
-    return _plain(trimesh.creation.cylinder(radius=radius, height=length, sections=_SECTIONS))
+    return _plain(trimesh.creation.cylinder(radius=radius, height=length, sections=sections))
 
 
-def capsule(radius: float, length: float) -> Mesh:
+def capsule(radius: float, length: float, sections: int = _SECTIONS) -> Mesh:
     """A cylinder of `length` along z about the origin, with half spheres on its ends."""
     import trimesh
 
-    made = trimesh.creation.capsule(radius=radius, height=length, count=[_SECTIONS // 2, _SECTIONS])
+    made = trimesh.creation.capsule(radius=radius, height=length, count=[sections // 2, sections])
     made.apply_translation([0.0, 0.0, -float(made.bounds.mean(axis=0)[2])])
     return _plain(made)
 
 
-def ellipsoid(half: ArrayLike) -> Mesh:
+def ellipsoid(half: ArrayLike, subdivisions: int = _SUBDIVISIONS) -> Mesh:
     """An ellipsoid of half axes (3,) m about the origin; a sphere where they are equal."""
     import trimesh
 
-    made = _plain(trimesh.creation.icosphere(subdivisions=_SUBDIVISIONS, radius=1.0))
+    made = _plain(trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0))
     return Mesh(made.vertices * np.asarray(half, dtype=np.float64), made.faces)
 
 

@@ -14,8 +14,8 @@ from recon.annotation.seen import Seen
 from recon.annotation.server import Server, annotating
 from recon.evaluation.read_truth import load_truth
 from tests.makers.browser import Tab, browser
+from tests.makers.live import ask, post
 from tests.recon.annotation.conftest import MARKS
-from tests.twin.view.test_server import ask, post
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
+from tests.makers.viewer import SIZE
 from twin import geometry as geo
 from twin import report
 from twin.errors import InputError
@@ -24,7 +25,6 @@ from twin.scene import HAND_LABEL, Recorded, Trajectory, Twin
 from twin.storage import save
 
 K = np.array([[100.0, 0, 79.5], [0, 100.0, 59.5], [0, 0, 1]])
-SIZE = (120, 160)
 
 
 class Outside(HTMLParser):

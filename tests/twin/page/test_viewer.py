@@ -1,78 +1,25 @@
-"""The scene of the page in a real browser, beside MuJoCo's picture of the export, and what it is made of."""
+"""The scene of the page in a real browser, beside MuJoCo's picture of the export."""
 
 from __future__ import annotations
 
-import json
-import re
-import time
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-import trimesh
 from scipy import ndimage
 
-import twin as tw
-from benchmarks.scenes.boards import cabinet_twin
 from tests.makers.browser import Tab, browser
-from tests.twin.page.test_page import SIZE, seen
-from twin import report
+from tests.makers.viewer import HOSTILE, settled
 from twin.completion.asset import AssetView
 from twin.contacts import distance_to
-from twin.errors import InputError, SceneError
 from twin.exporters import export
 from twin.geometry import Array
-from twin.page import render, viewer
+from twin.page import viewer
 from twin.report.views import part_view
 from twin.scene import Joint, Twin
-from twin.storage import save
-from twin.verdict import Reason, Verdict
 
-HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 2'>"
 VIEW = (480, 360)
-
-
-@pytest.fixture(scope="module")
-def twin() -> Twin:
-    """A cabinet whose camera saw it, with a reason that holds markup."""
-    cabinet = seen(cabinet_twin(), count=60)
-    assert cabinet.cameras is not None
-    n = len(cabinet.cameras.frames)
-    cameras = replace(cabinet.cameras, frames=np.arange(n), times=7.0 + np.arange(n) / 15.0)
-    labels = {k: cabinet.labels[5 * k] for k in range(0, n, 4)}
-    part = cabinet.parts[0]
-    doubted = Verdict((Reason("NoRange", HOSTILE, {}, HOSTILE, "open it wider", "doubtful"),))
-    motions = [replace(p.motion, times=7.0 + p.motion.frames / 15.0) for p in cabinet.parts]
-    parts = [replace(p, motion=m) for p, m in zip(cabinet.parts, motions, strict=True)]
-    parts[0] = replace(parts[0], verdict=doubted, limits_source=HOSTILE)
-    assert part.joint.upper > 1
-    return replace(cabinet, cameras=cameras, labels=labels, parts=tuple(parts))
-
-
-def pictured(frame: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """A frame that tells its number: its grey is four times it."""
-    return np.full((*SIZE, 3), 4 * frame, np.uint8)
-
-
-@pytest.fixture(scope="module")
-def page(twin: Twin, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    run = tmp_path_factory.mktemp("run")
-    save(twin, run / "twin")
-    report.save_film(run, report.film_frames(twin), pictured)
-    return render(run)
-
-
-@pytest.fixture(scope="module")
-def tab(page: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
-    with browser(tmp_path_factory.mktemp("profile")) as tab:
-        tab.size(1400, 1000)
-        tab.open(page.as_uri())
-        assert tab.run("funtwin.ready") is True
-        yield tab
 
 
 def slide(tab: Tab, part: str, state: float, scale: float) -> None:
@@ -81,11 +28,6 @@ def slide(tab: Tab, part: str, state: float, scale: float) -> None:
         f"(() => {{const i = document.querySelector('.joint[data-part={part}] input');"
         f" i.value = {state * scale}; i.dispatchEvent(new Event('input'));}})()"
     )
-
-
-def settled(tab: Tab) -> None:
-    """Wait until all that was asked for is on the screen, with all pixels, however slow the machine is."""
-    tab.run("funtwin.still()")
 
 
 def test_the_page_asks_for_nothing_and_complains_of_nothing(tab: Tab, page: Path) -> None:
@@ -257,58 +199,6 @@ def test_the_first_view_is_the_same_after_another_with_its_own_angle(tab: Tab) -
     assert np.array_equal(tab.picture("#view"), before)
 
 
-def late(tab: Tab) -> None:
-    """Make the next drawing come as on a machine that is late, with half as many pixels a side."""
-    tab.run(
-        "new Promise((done) => {let count = 0; const slow = () => {const end = performance.now() + 60;"
-        " while (performance.now() < end); funtwin.changed();"
-        " if (++count < 12 && funtwin.renderer.getPixelRatio() === 1) requestAnimationFrame(slow); else done();};"
-        " slow();})"
-    )
-    assert tab.run("funtwin.renderer.getPixelRatio()") == 0.5
-
-
-def test_late_drawings_have_fewer_pixels_and_a_still_one_has_all(tab: Tab) -> None:
-    settled(tab)
-    whole = tab.picture("#view")
-    late(tab)
-    settled(tab)
-    assert tab.run("funtwin.renderer.getPixelRatio()") == 1
-    assert np.array_equal(tab.picture("#view"), whole)
-    late(tab)  # at rest all come back by themselves
-    tab.until("funtwin.renderer.getPixelRatio() === 1")
-
-
-@pytest.mark.parametrize(
-    ("took", "is_late"),
-    [
-        ([70] * 3, False), ([70] * 4, True), ([500] * 4, True), ([16] * 20, False), ([70, 16] * 20, False),
-        ([70] * 4 + [16], False), ([70] * 9 + [16] + [70], True),
-    ],
-)  # fmt: skip
-def test_drawings_are_late_by_the_time_that_they_take(tab: Tab, took: list[int], is_late: bool) -> None:
-    """ms from each drawing to the browser's next frame."""
-    assert (
-        tab.run(f"(() => {{const p = new Pace(); {took}.forEach((ms) => p.took(ms)); return p.late;}})()")
-        is is_late
-    )
-
-
-@pytest.mark.parametrize(("frame", "pause", "pixels"), [(16, 70, 1), (70, 0, 0.5)])
-def test_what_is_asked_for_seldom_is_not_late(tab: Tab, frame: int, pause: int, pixels: float) -> None:
-    """Six drawings with the browser's frames told by hand, ms: how soon the next comes, and then nothing."""
-    settled(tab)
-    told = tab.run(
-        "(() => {const real = requestAnimationFrame; let [now, queue] = [0, []];"
-        " window.requestAnimationFrame = (f) => queue.push(f);"
-        " const next = () => {const due = queue; queue = []; due.forEach((f) => f(now));};"
-        f" for (let k = 0; k < 6; k++) {{funtwin.changed(); next(); now += {frame}; next(); now += {pause};}}"
-        " window.requestAnimationFrame = real; return funtwin.renderer.getPixelRatio();})()"
-    )
-    assert told == pixels
-    settled(tab)
-
-
 def test_a_distance_is_measured_between_two_points(tab: Tab, twin: Twin) -> None:
     """Two points of the closed door, left and right of the middle of the page's first view."""
     for part in twin.parts:
@@ -351,84 +241,3 @@ def test_without_webgl_there_are_pictures(page: Path, tmp_path: Path) -> None:
         assert tab.run("funtwin.ready") is False
         assert tab.run("document.querySelector('.stills').open") is True
         assert tab.run("getComputedStyle(document.querySelector('#clock')).display") == "none"
-
-
-def test_what_the_scripts_are_told_is_the_twin(twin: Twin, tmp_path: Path) -> None:
-    told = viewer.scene_document(tmp_path, twin)
-    json.dumps(told, allow_nan=False)
-    assert told["film"] == {"frames": []}
-    assert twin.cameras is not None
-    assert told["cameras"]["times"][0] == 0
-    assert np.allclose(told["cameras"]["positions"], twin.cameras.T_world_cam[:, :3, 3], atol=1e-5)
-    for part, one in zip(twin.parts, told["parts"], strict=True):
-        assert np.allclose(np.array(one["times"]) + 7.0, part.motion.times, atol=1e-5)
-        assert (one["lower"], one["upper"]) == (part.joint.lower, part.joint.upper)
-
-
-def test_the_film_has_the_frames_with_labels_and_no_more_than_it_may(twin: Twin) -> None:
-    assert twin.cameras is not None
-    many = np.arange(1000)
-    cameras = replace(
-        twin.cameras, frames=many, times=many / 15, T_world_cam=np.tile(np.eye(4), (1000, 1, 1))
-    )
-    labels = dict.fromkeys((3, 501, 998), twin.labels[0])
-    frames = report.film_frames(replace(twin, cameras=cameras, labels=labels))
-    assert {3, 501, 998} <= set(frames)
-    assert len(frames) <= 240 + 3
-    assert frames == sorted(frames)
-
-
-def test_another_film_takes_the_place_of_the_first(twin: Twin, tmp_path: Path) -> None:
-    report.save_film(tmp_path, [0, 4, 8], pictured)
-    report.save_film(tmp_path, [4, 5], pictured)
-    assert sorted(p.name for p in (tmp_path / "report" / "film").glob("*.jpg")) == [
-        "000004.jpg",
-        "000005.jpg",
-    ]
-
-
-def test_a_twin_that_can_t_move_has_a_page_without_scene(twin: Twin, tmp_path: Path) -> None:
-    part = twin.parts[0]
-    stuck = replace(
-        part,
-        joint=replace(part.joint, lower=0.0, upper=0.0),
-        motion=replace(part.motion, state=0 * part.motion.state),
-    )
-    save(replace(twin, parts=(stuck,)), tmp_path / "twin")
-    text = render(tmp_path).read_text(encoding="utf-8")
-    assert 'id="glb"' not in text
-    assert "door" in text
-
-
-def test_another_trimesh_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(trimesh, "__file__", str(tmp_path / "__init__.py"))  # no viewer beside it
-    viewer.three_js.cache_clear()
-    with pytest.raises(SceneError, match="ships no viewer"):
-        viewer.three_js()
-    viewer.three_js.cache_clear()
-
-
-def test_only_the_library_is_taken() -> None:
-    text = viewer.three_js()
-    assert text.startswith("/**\n * @license")
-    assert "SPDX-License-Identifier: MIT" in text[:200]
-    assert not re.search(r"B64GLTF|tracklight|</script", text)
-
-
-def test_a_notebook_shows_the_twin_in_a_frame_of_its_own(twin: Twin, tmp_path: Path) -> None:
-    shown = tw.show(twin, height=500)
-    frame = shown._repr_html_()
-    assert frame.startswith('<iframe sandbox="allow-scripts"')
-    assert "500px" in frame
-    assert HOSTILE not in frame
-    assert "MB" in repr(shown)
-    with pytest.raises(InputError, match="px high"):
-        tw.show(twin, height=0)
-    page = tmp_path / "notebook.html"
-    page.write_text(f"<!doctype html><title>n</title>{frame}", encoding="utf-8")
-    with browser(tmp_path / "profile") as tab:
-        tab.open(page.as_uri())
-        tab.until("document.querySelector('iframe') && 1")
-        time.sleep(2.0)
-        assert tab.complaints == []
-        assert len(np.unique(tab.picture("iframe").reshape(-1, 3), axis=0)) > 200  # something is drawn

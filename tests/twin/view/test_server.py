@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import http.client
-import json
 import multiprocessing
 import signal
 import socket
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,54 +16,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.scenes.boards import cabinet_twin
+from tests.makers.live import UPPER, ask, post
 from twin import edits, report
-from twin.cli.parser import parse
 from twin.errors import InputError
 from twin.page import page
-from twin.runs.manifest import update_manifest
 from twin.runs.run_lock import claimed
 from twin.scene import Twin
 from twin.storage import load, save
-from twin.view import Server, serving, work
-from twin.view.local import LocalServer
-
-
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    save(cabinet_twin(), tmp_path / "run" / "twin")
-    return tmp_path / "run"
-
-
-@pytest.fixture
-def server(run: Path) -> Iterator[Server]:
-    with serving(run) as server:
-        yield server
-
-
-def ask(
-    server: LocalServer, method: str, path: str, body: Any = None, **headers: str
-) -> tuple[int, bytes, dict[str, str]]:
-    """Status, content and headers of an answer. headers: with _ for -, in place of what a browser sends."""
-    host, port = server.server_address[:2]
-    data = body if isinstance(body, bytes) else None if body is None else json.dumps(body).encode()
-    sent = {"Host": f"{host}:{port}"} | ({} if data is None else {"Content-Type": "application/json"})
-    sent |= {name.replace("_", "-"): value for name, value in headers.items()}
-    link = http.client.HTTPConnection(str(host), port, timeout=60)
-    try:
-        link.request(method, path, data, sent)
-        answer = link.getresponse()
-        return answer.status, answer.read(), dict(answer.getheaders())
-    finally:
-        link.close()
-
-
-def post(server: LocalServer, what: str, body: Any, **headers: str) -> tuple[int, dict[str, Any]]:
-    status, told, _ = ask(server, "POST", f"/{server.token}/{what}", body, **headers)
-    return status, json.loads(told)
-
-
-UPPER = {"part": "door", "edit": "upper=95deg", "why": "looked"}
+from twin.view import Server, serving
 
 
 def test_the_page_is_given_with_its_editor_and_a_policy(server: Server) -> None:
@@ -317,135 +274,3 @@ def test_the_command_tells_its_address_and_ends_when_it_is_told_to(run: Path) ->
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
     assert "Traceback" not in err + out
-
-
-SAY = {"word": "--at 31,40@5 --type hinge"}
-
-
-@pytest.fixture
-def slow(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """In place of a reconstruction: what goes on until a file is there, and tells what it was given."""
-    gate = tmp_path / "gate"
-    code = (
-        "import pathlib, sys, time\n"
-        "print('motion 1 s, 9 of 20')\n"
-        f"while not (gate := pathlib.Path({str(gate)!r})).exists(): time.sleep(0.02)\n"
-        "print('warning: said: no part was found for', *sys.argv[1:])\n"
-        "sys.exit(int(gate.read_text()))\n"
-    )
-    monkeypatch.setattr(work, "again", lambda _, words: [sys.executable, "-c", code, *words])
-    return gate
-
-
-def state(server: Server) -> dict[str, Any]:
-    status, told, _ = ask(server, "GET", f"/{server.token}/work")
-    assert status == 200
-    found: dict[str, Any] = json.loads(told)
-    return found
-
-
-def until_done(server: Server) -> dict[str, Any]:
-    while state(server)["running"]:
-        time.sleep(0.02)
-    return state(server)
-
-
-def test_a_word_is_heard_by_one_reconstruction_at_a_time(server: Server, slow: Path) -> None:
-    assert state(server) == {"running": False, "line": "", "error": "", "warnings": []}
-    assert post(server, "say", SAY) == (200, {"ok": True, "working": True})
-    while not state(server)["line"]:
-        time.sleep(0.02)
-    assert state(server)["line"] == "motion 1 s, 9 of 20"
-    status, told = post(server, "say", SAY)
-    assert (status, told["error"]) == (409, "a reconstruction is going on; wait for its end")
-    status, told = post(server, "edit", UPPER)  # it has the run to itself, also before it claims it
-    assert (status, told["error"]) == (409, "a reconstruction is going on; wait for its end")
-    assert b"reconstructed again" in ask(server, "GET", f"/{server.token}/")[1]
-    slow.write_text("2")
-    told = until_done(server)
-    assert told["error"] == ""
-    assert told["warnings"] == ["said: no part was found for --at 31,40@5 --type hinge"]
-    assert b"data-what" in ask(server, "GET", f"/{server.token}/")[1]
-
-
-def test_what_a_reconstruction_fails_of_is_told(server: Server, slow: Path) -> None:
-    slow.write_text("1")
-    post(server, "say", SAY)
-    assert "no part was found for" in until_done(server)["error"]
-
-
-@pytest.mark.parametrize(
-    "word",
-    [
-        "",
-        "--config /etc/passwd",
-        "--at 1,2@3 --set a=b",
-        "--type hinge",
-        "--at 1,2@3\n",
-        "--at 1,2@3 --at 4,5@6",
-        "-o x",
-    ],
-)
-def test_nothing_but_a_word_on_a_part_is_taken(server: Server, slow: Path, word: str) -> None:
-    status, told = post(server, "say", {"word": word})
-    assert (status, told["ok"]) == (409, False)
-    assert "says nothing of a part; point at it in the picture" in told["error"]
-    assert not state(server)["running"]
-
-
-def test_a_part_that_was_found_is_pointed_at_where_it_is_seen_best(
-    server: Server, run: Path, slow: Path
-) -> None:
-    twin = load(run)
-    door = twin.part("door")
-    labels = np.zeros((48, 64), np.uint8)
-    labels[10:31, 20:41] = door.id
-    labels[11:14, 50:60] = door.id
-    first, last = door.motion.intervals[0]
-    save(replace(twin, labels={last + 9: np.full_like(labels, door.id), first + 1: labels}), run / "twin")
-    slow.write_text("0")
-    assert post(server, "say", {"part": "door", "word": "--type slide"})[1]["ok"]
-    assert until_done(server)["warnings"] == [
-        f"said: no part was found for --at 30,20@{first + 1} --type slide"
-    ]
-    status, told = post(server, "say", {"part": "drawer", "word": "--type hinge"})
-    assert (status, told["error"]) == (409, "no picture shows drawer; point at it yourself")
-
-
-def test_a_word_that_is_taken_back_is_forgotten_by_another_reconstruction(
-    server: Server, run: Path, slow: Path
-) -> None:
-    found = load(run)
-    heard = replace(found, provenance={**found.provenance, "said": [SAY["word"]]})
-    save(heard, run / "twin")
-    edits.keep(run, heard, edits.with_said([], [SAY["word"]]))
-    slow.write_text("0")
-    _, told = post(server, "undo", {})
-    assert told["working"]
-    assert until_done(server)["warnings"] == ["said: no part was found for"]
-    assert not (run / "edits.json").exists()
-
-
-def test_a_killed_server_takes_the_reconstruction_with_it(run: Path, slow: Path) -> None:
-    with serving(run) as server:
-        post(server, "say", SAY)
-    assert not server.work.going_on
-
-
-def test_the_command_reconstructs_as_the_run_was_made(run: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="was made from no recording, seen from the run"):
-        work.again(run, [])
-    opened = {"layout": "tum", "calibration": "../c.json", "depth_delay": -2, "start": 1.5}
-    update_manifest(run, recording="../recording", opened_with=opened)
-    with pytest.raises(InputError, match="recording is not there"):
-        work.again(run, [])
-    (tmp_path / "recording").mkdir()
-    (run / "config.toml").write_text("")
-    _, _, module, verb, *options = work.again(run, SAY["word"].split())
-    assert (module, verb) == ("twin", "reconstruct")
-    told = vars(parse([verb, *options]))
-    assert told["recording"] == tmp_path / "recording"
-    assert told["out"] == run
-    assert told["config"] == run / "config.toml"
-    assert (told["layout"], told["calibration"], told["depth_delay"]) == ("tum", tmp_path / "c.json", -2)
-    assert (told["start"], told["end"], told["at"]) == (1.5, None, [(31, 40, 5)])
